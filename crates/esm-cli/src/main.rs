@@ -1,0 +1,2 @@
+//! `esm-cli`: find a robot in a prior map from LiDAR recordings.
+fn main() {}

@@ -1,0 +1,33 @@
+//! Describing segments: a row of numbers for each, and the chance that it is good for matching.
+
+use std::time::Duration;
+
+use crate::segment::Segment;
+
+/// Descriptors of a batch of segments.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Descriptions {
+    /// Numbers a segment.
+    pub dim: usize,
+    /// Row-major, one row of `dim` numbers a segment, in the order of the segments.
+    pub values: Vec<f32>,
+    /// One a segment: the probability, 0 to 1, that the descriptor is good for matching.
+    pub quality: Vec<f32>,
+    /// Time spent on preparing the input (sampling and normalisation), where the descriptor has such a step.
+    pub preprocessing: Duration,
+}
+
+/// Turns segments into descriptors, a batch at a time.
+///
+/// Rows must depend on their own segment's points only, never on the other segments of the batch, and be the same
+/// bits whatever the number of threads.
+pub trait Descriptor: Send + Sync {
+    /// Name, as in `--descriptor NAME`.
+    fn name(&self) -> &'static str;
+    /// Raised whenever the numbers change, so that maps of an older version are refused.
+    fn version(&self) -> u32;
+    /// Numbers a segment.
+    fn dim(&self) -> usize;
+    /// Describes a batch.
+    fn describe(&self, segments: &[Segment]) -> Descriptions;
+}

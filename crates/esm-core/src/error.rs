@@ -1,0 +1,61 @@
+//! What can go wrong in the core, one variant a cause.
+
+use std::path::PathBuf;
+
+/// The core's errors. Each message says what is wrong, where, and what to do about it.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A point holds a NaN or an infinity.
+    #[error("point {index} is not finite\nhint: drop invalid returns first (PointCloud::from_finite does)")]
+    NonFinitePoint {
+        /// Index of the first such point.
+        index: usize,
+    },
+    /// A configuration value is outside its range.
+    #[error("configuration: {field} = {value} is not allowed: {allowed}")]
+    Config {
+        /// Dotted name of the field.
+        field: &'static str,
+        /// The value, as given.
+        value: String,
+        /// What would be allowed.
+        allowed: &'static str,
+    },
+    /// The map was built with another descriptor than the one asked for.
+    #[error(
+        "the map holds '{map}' descriptors, asked for '{asked}'\nhint: use --descriptor {map}, or rebuild the map"
+    )]
+    DescriptorMismatch {
+        /// What the map holds (name and version).
+        map: String,
+        /// What was asked for (name and version).
+        asked: String,
+    },
+    /// A map cannot be built or used because it would hold nothing.
+    #[error("the map holds no segments\nhint: {hint}")]
+    EmptyMap {
+        /// What to look at.
+        hint: &'static str,
+    },
+    /// The map file is damaged, truncated, newer, or not a map at all.
+    #[error("{}: {what}\nhint: {hint}", path.display())]
+    MapFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and where (section, byte offset).
+        what: String,
+        /// What to do.
+        hint: &'static str,
+    },
+    /// The operating system refused a file operation.
+    #[error("{}: {doing}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was being done.
+        doing: &'static str,
+        /// The system's error.
+        source: std::io::Error,
+    },
+}

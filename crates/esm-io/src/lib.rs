@@ -1,0 +1,1 @@
+//! Readers and writers for LiDAR recordings, point clouds and trajectories.
