@@ -5,6 +5,7 @@
 pub mod cloud;
 pub mod describe;
 pub mod error;
+pub mod index;
 pub mod map;
 pub mod segment;
 

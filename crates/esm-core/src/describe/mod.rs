@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::error::Error;
 use crate::segment::Segment;
 
 /// Descriptors of a batch of segments.
@@ -30,4 +31,29 @@ pub trait Descriptor: Send + Sync {
     fn dim(&self) -> usize;
     /// Describes a batch.
     fn describe(&self, segments: &[Segment]) -> Descriptions;
+}
+
+mod eigen;
+mod shape;
+
+pub use eigen::Eigen;
+pub use shape::Shape;
+
+/// The descriptors by name, the default first.
+pub const NAMES: [&str; 2] = ["shape", "eigen"];
+
+/// The descriptor called `name`, as in `--descriptor NAME`.
+///
+/// # Errors
+/// [`Error::Config`] for a name that is not in [`NAMES`].
+pub fn by_name(name: &str) -> Result<Box<dyn Descriptor>, Error> {
+    match name {
+        "shape" => Ok(Box::new(Shape)),
+        "eigen" => Ok(Box::new(Eigen)),
+        _ => Err(Error::Config {
+            field: "descriptor",
+            value: name.to_owned(),
+            allowed: "one of shape, eigen",
+        }),
+    }
 }
