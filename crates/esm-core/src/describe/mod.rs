@@ -29,6 +29,11 @@ pub trait Descriptor: Send + Sync {
     fn version(&self) -> u32;
     /// Numbers a segment.
     fn dim(&self) -> usize;
+    /// Whether a map brings each dimension to zero mean and unit variance over its segments: for hand-made features in
+    /// mixed units.
+    fn standardized(&self) -> bool {
+        false
+    }
     /// Describes a batch.
     fn describe(&self, segments: &[Segment]) -> Descriptions;
 }

@@ -6,6 +6,7 @@
 
 mod atomic;
 mod blocks;
+mod builder;
 mod check;
 mod column;
 mod container;
@@ -19,6 +20,7 @@ mod records;
 mod standardizer;
 mod write;
 
+pub use builder::{BuildConfig, MapBuilder, coverage_cell};
 pub use container::Map;
 pub use data::{DescriptorInfo, MapData};
 pub use layout::{FORMAT_VERSION, SectionInfo};

@@ -85,7 +85,3 @@ impl Segment {
         Some(Self { points, centroid, min, max })
     }
 }
-
-mod radix;
-mod voxel;
-pub use voxel::voxel_filter;
