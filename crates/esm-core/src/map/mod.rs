@@ -4,6 +4,7 @@
 //! ([`Map::from_data`]) or opened from a file ([`Map::open`]), with the same accessors. The file is described byte by
 //! byte in `FORMAT.md` beside this module.
 
+mod access;
 mod atomic;
 mod blocks;
 mod builder;
