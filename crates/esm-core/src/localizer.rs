@@ -70,7 +70,8 @@ impl Localizer {
         let described = self.describe(&cloud.segments);
         clock.lap(|t| &mut t.descriptor);
         clock.split_preprocessing(described.preprocessing);
-        let candidates = candidates(&cloud.segments, &described, &self.map, &self.index, &self.config.matching);
+        let candidates =
+            candidates(&cloud.segments, &described, &self.map, &self.index, &self.config.matching);
         clock.lap(|t| &mut t.matching);
         let places = search(&candidates, &self.config.pose, self.config.seed);
         clock.lap(|t| &mut t.pose);
@@ -138,7 +139,7 @@ impl Localizer {
             inliers: 0,
             score: 0.0,
             runner_up: runner_up.map_or(0.0, Place::score),
-            runner_up_pose_map_sensor: runner_up.map(|p| self.from_origin(&p.pose_map_sensor)),
+            runner_up_pose_map_sensor: runner_up.map(|p| self.to_map_frame(&p.pose_map_sensor)),
             matches: Vec::new(),
             timings: Timings::default(),
         };
@@ -157,7 +158,7 @@ impl Localizer {
                     answer.runner_up, answer.score, self.config.verify.max_runner_up
                 ));
             }
-            answer.pose_map_sensor = Some(self.from_origin(&best.pose_map_sensor));
+            answer.pose_map_sensor = Some(self.to_map_frame(&best.pose_map_sensor));
             answer.covariance = best.verified.refined.covariance.map(|c| {
                 let mut rows = [0.0; 36];
                 (0..36).for_each(|i| rows[i] = c[(i / 6, i % 6)]);
@@ -177,7 +178,11 @@ impl Localizer {
         } else if v.seen < c.min_seen {
             Some(format!("{:.0} % of the cloud lies where the map is empty", 100.0 * (1.0 - v.seen)))
         } else if v.overlap < c.min_overlap {
-            Some(format!("{:.0} % of the points fit the map: verify.min_overlap = {}", 100.0 * v.overlap, c.min_overlap))
+            Some(format!(
+                "{:.0} % of the points fit the map: verify.min_overlap = {}",
+                100.0 * v.overlap,
+                c.min_overlap
+            ))
         } else if best.score() < c.min_score {
             Some(format!("score {:.1}: verify.min_score = {}", best.score(), c.min_score))
         } else if v.refined.covariance.is_none() {
@@ -214,7 +219,7 @@ impl Localizer {
             .collect()
     }
 
-    fn from_origin(&self, pose_origin_sensor: &Pose) -> Pose {
+    fn to_map_frame(&self, pose_origin_sensor: &Pose) -> Pose {
         let o = self.map.origin();
         Pose::translation(o[0], o[1], o[2]) * pose_origin_sensor
     }

@@ -41,7 +41,9 @@ impl MatchConfig {
             ("match.max_distance", self.max_distance, self.max_distance >= 0.0, "0 or more"),
         ];
         match fields.into_iter().find(|f| !f.2) {
-            Some((field, value, _, allowed)) => Err(Error::Config { field, value: value.to_string(), allowed }),
+            Some((field, value, _, allowed)) => {
+                Err(Error::Config { field, value: value.to_string(), allowed })
+            }
             None => Ok(()),
         }
     }
@@ -55,7 +57,8 @@ pub fn candidates(
     index: &Index,
     config: &MatchConfig,
 ) -> Vec<Candidate> {
-    let max_squared = if config.max_distance > 0.0 { config.max_distance.powi(2) as f32 } else { f32::INFINITY };
+    let max_squared =
+        if config.max_distance > 0.0 { config.max_distance.powi(2) as f32 } else { f32::INFINITY };
     let neighbours = index.nearest(&described.values, config.k);
     let mut all = Vec::with_capacity(segments.len() * config.k);
     for (live, (segment, nearest)) in segments.iter().zip(neighbours).enumerate() {

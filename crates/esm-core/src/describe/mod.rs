@@ -55,10 +55,8 @@ pub fn by_name(name: &str) -> Result<Box<dyn Descriptor>, Error> {
     match name {
         "shape" => Ok(Box::new(Shape)),
         "eigen" => Ok(Box::new(Eigen)),
-        _ => Err(Error::Config {
-            field: "descriptor",
-            value: name.to_owned(),
-            allowed: "one of shape, eigen",
-        }),
+        _ => {
+            Err(Error::Config { field: "descriptor", value: name.to_owned(), allowed: "one of shape, eigen" })
+        }
     }
 }

@@ -3,10 +3,10 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
 
+use super::Map;
 use super::data::{DescriptorInfo, MapData};
 use super::records::COVERAGE_CELL_M;
 use super::standardizer::Standardizer;
-use super::Map;
 use crate::accumulate::LiveCloud;
 use crate::cloud::{PointCloud, Pose, transform_point};
 use crate::config::Config;
@@ -42,10 +42,17 @@ impl BuildConfig {
         let fields: [(&'static str, f64, bool, &'static str); 3] = [
             ("map.window_step_m", self.window_step_m, self.window_step_m >= 0.0, "0 m or more"),
             ("map.merge_overlap", self.merge_overlap, self.merge_overlap > 0.0, "more than 0"),
-            ("map.ground_voxel_m", self.ground_voxel_m, (0.05..=10.0).contains(&self.ground_voxel_m), "0.05 to 10 m"),
+            (
+                "map.ground_voxel_m",
+                self.ground_voxel_m,
+                (0.05..=10.0).contains(&self.ground_voxel_m),
+                "0.05 to 10 m",
+            ),
         ];
         match fields.into_iter().find(|f| !f.2) {
-            Some((field, value, _, allowed)) => Err(Error::Config { field, value: value.to_string(), allowed }),
+            Some((field, value, _, allowed)) => {
+                Err(Error::Config { field, value: value.to_string(), allowed })
+            }
             None => Ok(()),
         }
     }
