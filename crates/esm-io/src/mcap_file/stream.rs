@@ -27,8 +27,8 @@ const INDEX_ENTRY: u64 = 16;
 /// Most bytes handed to the chunk reader at once.
 const FEED: usize = 1 << 18;
 
-/// Channels and schemas a file may define.
-const DEFINITION_LIMIT: usize = 1 << 16;
+/// Longest name of a topic or message type, bytes: names are kept.
+const NAME_LIMIT: usize = 1024;
 
 /// A channel with what its schema says.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -67,6 +67,8 @@ pub(crate) struct MessageStream {
     log: DamageLog,
     data: Vec<u8>,
     chunks_read: u64,
+    /// Where records start that nothing but their length vouches for, and that have led here.
+    doubt: Option<u64>,
     /// CRC of the data section is worth checking: messages stand outside of chunks.
     loose_messages: bool,
     ended: bool,
@@ -114,6 +116,7 @@ impl MessageStream {
             log: DamageLog::default(),
             data: Vec::new(),
             chunks_read: 0,
+            doubt: None,
             loose_messages: false,
             ended: false,
         })
@@ -237,15 +240,17 @@ impl MessageStream {
         }
         let end = at.saturating_add(HEAD).saturating_add(len);
         let inside = end <= self.file.len;
+        let doubt = self.doubt.take();
         match opcode {
             op::CHUNK => {
                 let Some(head) = self.file.chunk_head(at)? else {
-                    return self.resume_behind(at);
+                    return self.resume_behind(doubt.unwrap_or(at));
                 };
                 self.open_chunk(at, &head)?;
             }
-            op::DATA_END | op::FOOTER => {
-                self.check_data_crc(at, opcode, len)?;
+            op::DATA_END | op::FOOTER if len == if opcode == op::FOOTER { 20 } else { 4 } => {
+                self.check_data_crc(at, opcode)?;
+                self.check_closing()?;
                 self.ended = true;
             }
             op::MESSAGE if (MESSAGE_HEAD..=RECORD_LIMIT).contains(&len) && inside => {
@@ -265,7 +270,7 @@ impl MessageStream {
                 let mut body = Vec::new();
                 self.file.body(at, len, &mut body)?;
                 if define(&mut self.schemas, &mut self.channels, opcode, &body).is_err() {
-                    return self.resume_behind(at);
+                    return self.resume_behind(doubt.unwrap_or(at));
                 }
                 self.at = end;
             }
@@ -275,23 +280,25 @@ impl MessageStream {
                 self.file.read_all(&mut head)?;
                 let bytes = u64::from(le_u32(&head[2..]));
                 if INDEX_HEAD + bytes != len || bytes % INDEX_ENTRY != 0 {
-                    return self.resume_behind(at);
+                    return self.resume_behind(doubt.unwrap_or(at));
                 }
                 self.log.index(le_u16(&head), bytes / INDEX_ENTRY);
                 self.at = end;
             }
-            // The records a reader of messages does not need, and those of later versions.
+            // The records a reader of messages does not need, and those of later versions: a damaged length among them
+            // shows at the record it leads to.
             1.. if !matches!(opcode, op::MESSAGE | op::SCHEMA | op::CHANNEL | op::MESSAGE_INDEX)
                 && inside =>
             {
+                self.doubt = doubt.or(Some(at));
                 self.at = end;
             }
-            _ => return self.resume_behind(at),
+            _ => return self.resume_behind(doubt.unwrap_or(at)),
         }
         Ok(None)
     }
 
-    /// The framing is lost: looks for the next chunk.
+    /// The framing is lost since a place: looks for the next chunk.
     fn resume_behind(&mut self, at: u64) -> Result<Option<Message>, Error> {
         match self.file.find_chunk(at + 1)? {
             Some(next) => {
@@ -357,10 +364,20 @@ impl MessageStream {
         }
     }
 
+    /// All messages were read; says so where the file's end is missing all the same.
+    fn check_closing(&mut self) -> Result<(), Error> {
+        let mut magic = [0; 8];
+        self.file.seek(self.file.len.saturating_sub(magic.len() as u64))?;
+        if !self.file.read_all(&mut magic)? || magic != *MAGIC {
+            self.log.place(format!("the file ends at byte {} inside its summary", self.file.len));
+        }
+        Ok(())
+    }
+
     /// Messages outside of chunks have no CRC but the one of the whole data section.
-    fn check_data_crc(&mut self, at: u64, opcode: u8, len: u64) -> Result<(), Error> {
+    fn check_data_crc(&mut self, at: u64, opcode: u8) -> Result<(), Error> {
         let mut saved = [0; 4];
-        if !self.loose_messages || opcode != op::DATA_END || len < 4 || !self.file.read_all(&mut saved)? {
+        if !self.loose_messages || opcode != op::DATA_END || !self.file.read_all(&mut saved)? {
             return Ok(());
         }
         let saved = le_u32(&saved);
@@ -421,14 +438,17 @@ pub(super) fn define(
     opcode: u8,
     data: &[u8],
 ) -> Result<(), String> {
-    if !matches!(opcode, op::SCHEMA | op::CHANNEL) || channels.len() >= DEFINITION_LIMIT {
+    if !matches!(opcode, op::SCHEMA | op::CHANNEL) {
         return Ok(());
     }
     match mcap::parse_record(opcode, data).map_err(|e| e.to_string())? {
         Record::Schema { header, .. } => {
+            check_name(&header.name)?;
             schemas.insert(header.id, header.name);
         }
         Record::Channel(c) => {
+            check_name(&c.topic)?;
+            check_name(&c.message_encoding)?;
             let schema = schemas.get(&c.schema_id).cloned().unwrap_or_default();
             let known = channels.get(&c.id).is_some_and(|k| !k.schema.is_empty());
             if !known {
@@ -438,6 +458,13 @@ pub(super) fn define(
         _ => {}
     }
     Ok(())
+}
+
+fn check_name(name: &str) -> Result<(), String> {
+    match name.len() {
+        n if n > NAME_LIMIT => Err(format!("a name of {n} bytes is longer than {NAME_LIMIT}")),
+        _ => Ok(()),
+    }
 }
 
 fn message_head(data: &[u8]) -> Option<Message> {

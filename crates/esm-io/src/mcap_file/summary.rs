@@ -58,8 +58,9 @@ pub(super) fn read(path: &Path) -> Result<Option<Summary>, Error> {
             let Ok(Record::Statistics(statistics)) = mcap::parse_record(opcode, &buf) else {
                 return Ok(None);
             };
+            // Some writers leave the counts by channel out.
+            counted = !statistics.channel_message_counts.is_empty() || statistics.message_count == 0;
             summary.counts = statistics.channel_message_counts;
-            counted = true;
         } else if define(&mut schemas, &mut summary.channels, opcode, &buf).is_err() {
             return Ok(None);
         }
