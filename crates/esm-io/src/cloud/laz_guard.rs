@@ -73,10 +73,10 @@ pub(super) fn check(
     }
     let data = start + 8;
     let table = match chunk_table(input, start)? {
-        Some(table) => table,
-        // A chunk holds its first point as it is.
-        None => return Ok(Err(format!("the file ends at byte {} before its points", input.len))),
+        Ok(table) => table,
+        Err(what) => return Ok(Err(what)),
     };
+    // A chunk holds its first point as it is.
     if let Some((at, chunks)) = table
         && chunks > at.saturating_sub(data) / point
     {
@@ -97,9 +97,12 @@ fn items(record: &[u8]) -> Option<Vec<Item>> {
     items.filter(|i| !i.is_empty())
 }
 
-/// Place and number of chunks of the chunk table as `laz` finds it: at the offset before the points, or where the writer
-/// could not go back, at the file's last eight bytes. The inner `None`: there is no table; the outer: not even the offset.
-fn chunk_table(input: &mut Input, start: u64) -> std::io::Result<Option<Option<(u64, u64)>>> {
+/// Place of the chunk table and number of chunks.
+type ChunkTable = Option<(u64, u64)>;
+
+/// The chunk table as `laz` finds it: at the offset before the points, or where the writer could not go back, at the one
+/// in the file's last eight bytes. `None` where there is none.
+fn chunk_table(input: &mut Input, start: u64) -> std::io::Result<Result<ChunkTable, String>> {
     let len = input.len;
     let mut u64_at = |at: u64| -> std::io::Result<Option<u64>> {
         if at.checked_add(8).is_none_or(|end| end > len) {
@@ -110,15 +113,22 @@ fn chunk_table(input: &mut Input, start: u64) -> std::io::Result<Option<Option<(
         input.reader.read_exact(&mut bytes)?;
         Ok(Some(u64::from_le_bytes(bytes)))
     };
-    let Some(mut at) = u64_at(start)? else { return Ok(None) };
-    if (at as i64) <= start as i64 {
+    let Some(mut at) = u64_at(start)? else {
+        return Ok(Err(format!("the file ends at byte {len} before its points")));
+    };
+    // Not written yet is 0 or -1.
+    let unwritten = |at: u64| at as i64 <= start as i64;
+    if unwritten(at) {
         at = u64_at(len - 8)?.unwrap_or(0);
-        if (at as i64) <= start as i64 {
-            return Ok(Some(None));
+        if unwritten(at) {
+            return Ok(Ok(None));
         }
     }
     // Version and number of chunks, a u32 each.
-    Ok(Some(u64_at(at)?.map(|head| (at, head >> 32))))
+    Ok(match u64_at(at)? {
+        Some(head) => Ok(Some((at, head >> 32))),
+        None => Err(format!("the chunk table is to follow at byte {at}, the file ends at byte {len}")),
+    })
 }
 
 /// Goes from layered chunk to layered chunk: a whole point, the number of points, the length of every layer, the layers.

@@ -197,6 +197,10 @@ fn hostile_tables_of_laz() {
         },
         &format!("the header says 600 points, the chunks before byte {table} hold 500"),
     );
+    fails(
+        &|b| b.truncate(table + 7),
+        &format!("the chunk table is to follow at byte {table}, the file ends at byte {}", table + 7),
+    );
     let record = whole.windows(14).position(|w| w == b"laszip encoded").unwrap() + 52;
     fails(&|b| b[record + 34] = 99, "the laszip record lists fields that are not known");
     fails(&|b| b[record] = 2, "the laszip record mixes layered and plain fields");

@@ -167,7 +167,7 @@ fn a_killed_recorder_says_what_is_known() {
         all.warnings,
         [format!(
             "r.mcap: the recording is damaged: the file ends at byte {n} without its closing records; every intact \
-             message was used, lost: an unknown number messages, of them an unknown number clouds"
+             message was used, lost are an unknown number of messages, among them an unknown number of clouds"
         )]
     );
     let cut = mcap.chunks[1] + 1500;
@@ -177,7 +177,7 @@ fn a_killed_recorder_says_what_is_known() {
         all.warnings,
         [format!(
             "r.mcap: the recording is damaged: the file ends inside the chunk at byte {}; every intact message was used, \
-             lost: at least 1 messages, of them an unknown number clouds",
+             lost are at least 1 message, among them an unknown number of clouds",
             mcap.chunks[1]
         )]
     );
@@ -198,7 +198,8 @@ fn an_altered_byte_costs_one_chunk_and_is_counted() {
         let place = format!("the chunk at byte {} is broken: Chunk CRC failed", mcap.chunks[1]);
         assert!(damage.places[0].starts_with(&place), "{:?}", damage.places);
         assert!(
-            all.warnings[0].ends_with("every intact message was used, lost: 6 messages, of them 3 clouds")
+            all.warnings[0]
+                .ends_with("every intact message was used, lost are 6 messages, among them 3 clouds")
         );
     }
 }
