@@ -10,10 +10,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use mcap::MAGIC;
-use mcap::records::{Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::op;
+use mcap::sans_io::linear_reader::LinearReadEvent;
 
+use super::chunk::OpenChunk;
 use super::damage::{Damage, DamageLog};
+use super::definitions::{ChannelInfo, define};
 use super::records::{ChunkHead, HEAD, RECORD_LIMIT, RecordFile, known_compression, le_u16, le_u32, le_u64};
 use crate::error::Error;
 
@@ -24,19 +26,8 @@ const MESSAGE_HEAD: u64 = 22;
 const INDEX_HEAD: u64 = 6;
 const INDEX_ENTRY: u64 = 16;
 
-/// Most bytes handed to the chunk reader at once.
-const FEED: usize = 1 << 18;
-
-/// Longest name of a topic or message type, bytes: names are kept.
-const NAME_LIMIT: usize = 1024;
-
-/// A channel with what its schema says.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct ChannelInfo {
-    pub(crate) topic: String,
-    pub(crate) schema: String,
-    pub(crate) encoding: String,
-}
+/// Bytes read at once for the data section's CRC.
+const CRC_WINDOW: usize = 1 << 18;
 
 /// Which messages are handed out; the others are counted only.
 pub(crate) enum Wanted {
@@ -72,20 +63,6 @@ pub(crate) struct MessageStream {
     /// CRC of the data section is worth checking: messages stand outside of chunks.
     loose_messages: bool,
     ended: bool,
-}
-
-/// A chunk that is being read.
-struct OpenChunk {
-    reader: LinearReader,
-    start: u64,
-    end: u64,
-    fed: u64,
-    /// The file ends inside it.
-    torn: bool,
-    /// Unpacked bytes that have not come yet.
-    left: u64,
-    /// Messages read, by channel.
-    read: BTreeMap<u16, u64>,
 }
 
 /// One step inside a chunk.
@@ -204,7 +181,7 @@ impl MessageStream {
         };
         let (opcode, data) = match event {
             LinearReadEvent::ReadRequest(n) => {
-                feed(&mut self.file, chunk, n)?;
+                chunk.feed(&mut self.file, n)?;
                 return Ok(Step::Other);
             }
             LinearReadEvent::Record { opcode, data } => (opcode, data),
@@ -340,7 +317,7 @@ impl MessageStream {
         // Without a CRC, and at a torn end, nothing can be checked beforehand: messages count as far as they come.
         if head.uncompressed_crc != 0 && !torn {
             let mut check = OpenChunk::new(at, end, head, torn, true);
-            if let Some(why) = self.check_chunk(&mut check)? {
+            if let Some(why) = check.check(&mut self.file)? {
                 self.log.place(format!("the chunk at byte {at} is broken: {why}"));
                 self.log.lose_chunk(BTreeMap::new());
                 self.at = end;
@@ -349,19 +326,6 @@ impl MessageStream {
         }
         self.chunk = Some(OpenChunk::new(at, end.min(self.file.len), head, torn, false));
         Ok(())
-    }
-
-    /// Reads a chunk for its CRC only; says what is wrong.
-    fn check_chunk(&mut self, chunk: &mut OpenChunk) -> Result<Option<String>, Error> {
-        loop {
-            let request = match chunk.reader.next_event() {
-                None => return Ok(None),
-                Some(Err(e)) => return Ok(Some(e.to_string())),
-                Some(Ok(LinearReadEvent::ReadRequest(n))) => n,
-                Some(Ok(LinearReadEvent::Record { .. })) => continue,
-            };
-            feed(&mut self.file, chunk, request)?;
-        }
     }
 
     /// All messages were read; says so where the file's end is missing all the same.
@@ -385,7 +349,7 @@ impl MessageStream {
             return Ok(());
         }
         let mut hasher = crc32fast::Hasher::new();
-        let mut buf = vec![0; FEED];
+        let mut buf = vec![0; CRC_WINDOW];
         let mut left = at;
         self.file.seek(0)?;
         while left > 0 {
@@ -402,68 +366,6 @@ impl MessageStream {
             self.log.lose_uncounted(0);
         }
         Ok(())
-    }
-}
-
-impl OpenChunk {
-    fn new(start: u64, end: u64, head: &ChunkHead, torn: bool, check: bool) -> Self {
-        let options = LinearReaderOptions::default()
-            .with_skip_start_magic(true)
-            .with_skip_end_magic(true)
-            .with_validate_chunk_crcs(check)
-            .with_record_length_limit(RECORD_LIMIT as usize);
-        let reader = LinearReader::new_with_options(options);
-        Self { reader, start, end, fed: start, torn, left: head.uncompressed_size, read: BTreeMap::new() }
-    }
-}
-
-/// Gives the chunk's reader what it asks for, as far as the chunk goes.
-fn feed(file: &mut RecordFile, chunk: &mut OpenChunk, request: usize) -> Result<(), Error> {
-    let left = usize::try_from(chunk.end - chunk.fed).unwrap_or(usize::MAX);
-    let n = request.clamp(1, FEED).min(left);
-    file.seek(chunk.fed)?;
-    let got = match n {
-        0 => 0,
-        n => file.read_some(chunk.reader.insert(n))?,
-    };
-    chunk.reader.notify_read(got);
-    chunk.fed += got as u64;
-    Ok(())
-}
-
-/// Registers a schema or channel; other records are ignored.
-pub(super) fn define(
-    schemas: &mut BTreeMap<u16, String>,
-    channels: &mut BTreeMap<u16, ChannelInfo>,
-    opcode: u8,
-    data: &[u8],
-) -> Result<(), String> {
-    if !matches!(opcode, op::SCHEMA | op::CHANNEL) {
-        return Ok(());
-    }
-    match mcap::parse_record(opcode, data).map_err(|e| e.to_string())? {
-        Record::Schema { header, .. } => {
-            check_name(&header.name)?;
-            schemas.insert(header.id, header.name);
-        }
-        Record::Channel(c) => {
-            check_name(&c.topic)?;
-            check_name(&c.message_encoding)?;
-            let schema = schemas.get(&c.schema_id).cloned().unwrap_or_default();
-            let known = channels.get(&c.id).is_some_and(|k| !k.schema.is_empty());
-            if !known {
-                channels.insert(c.id, ChannelInfo { topic: c.topic, schema, encoding: c.message_encoding });
-            }
-        }
-        _ => {}
-    }
-    Ok(())
-}
-
-fn check_name(name: &str) -> Result<(), String> {
-    match name.len() {
-        n if n > NAME_LIMIT => Err(format!("a name of {n} bytes is longer than {NAME_LIMIT}")),
-        _ => Ok(()),
     }
 }
 

@@ -8,8 +8,8 @@ use std::path::Path;
 use mcap::MAGIC;
 use mcap::records::{Record, op};
 
+use super::definitions::{ChannelInfo, define};
 use super::records::{HEAD, RECORD_LIMIT, RecordFile, le_u32, le_u64};
-use super::stream::{ChannelInfo, define};
 use crate::error::Error;
 
 /// Body of the footer, and everything from its opcode to the end of the file.
