@@ -38,6 +38,14 @@ pub enum Error {
         /// What to look at.
         hint: &'static str,
     },
+    /// What was gathered for a map does not fit together.
+    #[error("the map cannot be made: {what}\nhint: {hint}")]
+    MapData {
+        /// What is wrong and where (field, index).
+        what: String,
+        /// What to do.
+        hint: &'static str,
+    },
     /// The map file is damaged, truncated, newer, or not a map at all.
     #[error("{}: {what}\nhint: {hint}", path.display())]
     MapFile {

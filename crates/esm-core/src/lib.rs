@@ -1,13 +1,17 @@
 //! Efficient Segment Matching: where am I in this map, from LiDAR alone, on a CPU.
 
-#![cfg_attr(not(test), warn(clippy::unwrap_used))]
-
+pub mod accumulate;
 pub mod cloud;
 pub mod describe;
 pub mod error;
+pub mod estimate;
 pub mod index;
+pub mod localization;
 pub mod map;
 pub mod segment;
 
+pub use accumulate::{AccumulateConfig, Accumulator, LiveCloud};
 pub use cloud::{PointCloud, Pose, transform_point};
+pub use describe::{Descriptions, Descriptor};
 pub use error::Error;
+pub use localization::{Localization, MatchedSegment, Timings, Verdict};

@@ -1,27 +1,31 @@
 //! The prior map: segments with their descriptors, the ground, and the path it was recorded along.
+//!
+//! A [`MapData`] is what a builder fills; a [`Map`] is what everything else uses, made from one in memory
+//! ([`Map::from_data`]) or opened from a file ([`Map::open`]), with the same accessors. The file is described byte by
+//! byte in `FORMAT.md` beside this module.
 
-/// Points of one segment or ground tile inside the points section: quantised to 16 bits an axis.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct PointRun {
-    /// First point, counted in points from the start of the section.
-    pub start: u64,
-    /// Number of points.
-    pub len: u32,
-    /// Metres a step: point = `min + quantum * q` with `q` in 0..=65535 an axis.
-    pub quantum: f32,
-    /// Lower corner, metres, relative to the map's origin.
-    pub min: [f32; 3],
-    /// Zero.
-    pub reserved: u32,
-}
+mod atomic;
+mod blocks;
+mod check;
+mod column;
+mod container;
+mod data;
+mod layout;
+mod mmap;
+mod problem;
+mod quantise;
+mod read;
+mod records;
+mod standardizer;
+mod write;
 
-/// One map segment's geometry.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct SegmentRecord {
-    /// Mean of its points, metres, relative to the map's origin.
-    pub centroid: [f32; 3],
-    /// Size of its axis-aligned box, metres.
-    pub extent: [f32; 3],
-}
+pub use container::Map;
+pub use data::{DescriptorInfo, MapData};
+pub use layout::{FORMAT_VERSION, SectionInfo};
+pub use quantise::QUANTUM_M;
+pub use records::{COVERAGE_CELL_M, PointRun, SegmentRecord};
+pub use standardizer::Standardizer;
+
+// The file is little-endian and its columns are used where they lie.
+#[cfg(target_endian = "big")]
+compile_error!("esm-core reads its maps in place and needs a little-endian machine");

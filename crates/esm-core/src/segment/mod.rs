@@ -29,3 +29,7 @@ impl Segment {
         Some(Self { points, centroid, min, max })
     }
 }
+
+mod radix;
+mod voxel;
+pub use voxel::voxel_filter;

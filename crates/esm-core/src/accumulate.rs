@@ -1,0 +1,297 @@
+//! From single sweeps and their motion to live clouds: the last metres of travel in the newest sensor frame.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use crate::cloud::{PointCloud, Pose, transform_point};
+use crate::error::Error;
+use crate::segment::voxel_filter;
+
+/// How sweeps become live clouds.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AccumulateConfig {
+    /// Metres of travel a live cloud holds; 0 makes every sweep a cloud of its own. (The paper's push-broom clouds
+    /// hold 22 m.)
+    pub distance_m: f64,
+    /// Non-overlapping clouds, one every `distance_m`, instead of one for every sweep.
+    pub swathes: bool,
+    /// Points farther than this from the sensor are dropped, metres.
+    pub max_range_m: f64,
+    /// Points nearer than this to the sensor are dropped: they lie on the robot itself, metres.
+    pub min_range_m: f64,
+    /// Each sweep is thinned to one point a voxel of this edge before it is kept, metres; 0 keeps all.
+    pub sweep_voxel_m: f64,
+    /// A sweep is kept for later clouds only this far after the last kept one, metres: standing still adds nothing.
+    pub min_step_m: f64,
+    /// A longer step between two sweeps breaks the accumulation (a gap in the recording or a jump of the odometry),
+    /// metres.
+    pub max_step_m: f64,
+}
+
+impl Default for AccumulateConfig {
+    fn default() -> Self {
+        Self {
+            distance_m: 20.0,
+            swathes: false,
+            max_range_m: 50.0,
+            min_range_m: 1.0,
+            sweep_voxel_m: 0.1,
+            min_step_m: 0.5,
+            max_step_m: 10.0,
+        }
+    }
+}
+
+impl AccumulateConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for the first field outside its range.
+    pub fn check(&self) -> Result<(), Error> {
+        let fields: [(&'static str, f64, bool, &'static str); 6] = [
+            ("accumulate.distance_m", self.distance_m, (0.0..=1000.0).contains(&self.distance_m), "0 to 1000 m"),
+            ("accumulate.max_range_m", self.max_range_m, self.max_range_m > 0.0, "more than 0 m"),
+            (
+                "accumulate.min_range_m",
+                self.min_range_m,
+                self.min_range_m >= 0.0 && self.min_range_m < self.max_range_m,
+                "0 m up to accumulate.max_range_m",
+            ),
+            ("accumulate.sweep_voxel_m", self.sweep_voxel_m, (0.0..=5.0).contains(&self.sweep_voxel_m), "0 to 5 m"),
+            ("accumulate.min_step_m", self.min_step_m, (0.0..=10.0).contains(&self.min_step_m), "0 to 10 m"),
+            ("accumulate.max_step_m", self.max_step_m, self.max_step_m > self.min_step_m, "more than min_step_m"),
+        ];
+        if self.swathes && self.distance_m == 0.0 {
+            return Err(Error::Config {
+                field: "accumulate.swathes",
+                value: "true".to_owned(),
+                allowed: "only with a distance_m above 0",
+            });
+        }
+        match fields.iter().find(|f| !f.2) {
+            Some(&(field, value, _, allowed)) => Err(Error::Config { field, value: value.to_string(), allowed }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A cloud ready to be localized.
+#[derive(Clone, Debug)]
+pub struct LiveCloud {
+    /// Seconds, of the newest sweep.
+    pub stamp: f64,
+    /// Points in the newest sensor frame, metres.
+    pub cloud: PointCloud,
+    /// Pose of the newest sensor in the odometry frame, where the motion is known.
+    pub pose_odom_sensor: Option<Pose>,
+    /// Metres of travel the cloud really holds.
+    pub travel_m: f64,
+    /// Sweeps in the cloud.
+    pub sweeps: usize,
+    /// Time it took to put together.
+    pub elapsed: Duration,
+}
+
+struct Kept {
+    points_sensor: Vec<[f32; 3]>,
+    pose_odom_sensor: Pose,
+    travel_m: f64,
+}
+
+/// Sweeps a cloud may hold: turning on the spot must not grow it without end.
+const MAX_SWEEPS: usize = 256;
+/// A turn of this many radians since the last kept sweep is also worth keeping: it brings another view.
+const MIN_TURN_RAD: f64 = 0.35;
+
+/// Feeds on sweeps, one after the other, and gives live clouds. Memory is bounded by the distance, not by the length
+/// of the recording.
+///
+/// ```
+/// use esm_core::{Accumulator, AccumulateConfig, PointCloud, Pose};
+///
+/// let mut accumulator = Accumulator::new(AccumulateConfig { distance_m: 4.0, ..Default::default() })?;
+/// for step in 0..6 {
+///     let sweep = PointCloud::try_new(vec![[5.0, 1.0, 0.0]])?;
+///     let pose_odom_sensor = Pose::translation(step as f64, 0.0, 0.0);
+///     let live = accumulator.push(step as f64, &sweep, Some(pose_odom_sensor)).expect("a cloud for every sweep");
+///     assert_eq!(live.sweeps, 5.min(step + 1));
+/// }
+/// # Ok::<(), esm_core::Error>(())
+/// ```
+pub struct Accumulator {
+    config: AccumulateConfig,
+    kept: VecDeque<Kept>,
+}
+
+impl Accumulator {
+    /// An empty accumulator.
+    ///
+    /// # Errors
+    /// [`Error::Config`] where the configuration is out of range.
+    pub fn new(config: AccumulateConfig) -> Result<Self, Error> {
+        config.check()?;
+        Ok(Self { config, kept: VecDeque::new() })
+    }
+
+    /// Takes the next sweep (points in the sensor frame) and gives the live cloud that ends with it; with `swathes`
+    /// only once every `distance_m`.
+    ///
+    /// A sweep without a pose is a cloud of its own and is not kept.
+    pub fn push(&mut self, stamp: f64, sweep: &PointCloud, pose_odom_sensor: Option<Pose>) -> Option<LiveCloud> {
+        let started = Instant::now();
+        let points_sensor = self.thin(sweep);
+        let Some(pose) = pose_odom_sensor else {
+            return Some(LiveCloud {
+                stamp,
+                cloud: PointCloud::from_finite(points_sensor).0,
+                pose_odom_sensor: None,
+                travel_m: 0.0,
+                sweeps: 1,
+                elapsed: started.elapsed(),
+            });
+        };
+        let step = self.kept.back().map(|last| last.pose_odom_sensor.inv_mul(&pose));
+        let step_m = step.map_or(0.0, |s| s.translation.vector.norm());
+        if step_m > self.config.max_step_m {
+            self.kept.clear();
+        }
+        let travel_m = self.kept.back().map_or(0.0, |last| last.travel_m + step_m);
+        // Only as many old sweeps as are needed to hold the distance.
+        while self.kept.get(1).map_or(travel_m, |second| second.travel_m) <= travel_m - self.config.distance_m
+            && !self.kept.is_empty()
+        {
+            self.kept.pop_front();
+        }
+        let newest = Kept { points_sensor, pose_odom_sensor: pose, travel_m };
+        let held_m = travel_m - self.kept.front().map_or(travel_m, |first| first.travel_m);
+        let turned = step.is_some_and(|s| s.rotation.angle() > MIN_TURN_RAD);
+        let keep = self.kept.is_empty() || step_m >= self.config.min_step_m || turned;
+
+        let due = !self.config.swathes || held_m >= self.config.distance_m;
+        let live = due.then(|| {
+            let mut points = Vec::new();
+            for old in &self.kept {
+                let pose_sensor_old = pose.inv_mul(&old.pose_odom_sensor);
+                points.extend(old.points_sensor.iter().map(|p| transform_point(&pose_sensor_old, *p)));
+            }
+            points.extend_from_slice(&newest.points_sensor);
+            LiveCloud {
+                stamp,
+                cloud: PointCloud::from_finite(points).0,
+                pose_odom_sensor: Some(pose),
+                travel_m: held_m,
+                sweeps: self.kept.len() + 1,
+                elapsed: started.elapsed(),
+            }
+        });
+        if due && self.config.swathes {
+            self.kept.clear();
+        }
+        if keep || self.kept.is_empty() {
+            if self.kept.len() + 1 >= MAX_SWEEPS {
+                self.kept.pop_front();
+            }
+            self.kept.push_back(newest);
+        }
+        live
+    }
+
+    fn thin(&self, sweep: &PointCloud) -> Vec<[f32; 3]> {
+        let range = (self.config.min_range_m.powi(2) as f32)..=(self.config.max_range_m.powi(2) as f32);
+        let in_range: Vec<[f32; 3]> = sweep
+            .points()
+            .iter()
+            .filter(|p| range.contains(&(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])))
+            .copied()
+            .collect();
+        if self.config.sweep_voxel_m > 0.0 {
+            voxel_filter(&in_range, self.config.sweep_voxel_m as f32)
+        } else {
+            in_range
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config(distance_m: f64) -> AccumulateConfig {
+        AccumulateConfig { distance_m, sweep_voxel_m: 0.0, ..Default::default() }
+    }
+
+    fn sweep_of(x_sensor: f32) -> PointCloud {
+        PointCloud::try_new(vec![[x_sensor, 2.0, 0.5]]).unwrap()
+    }
+
+    fn drive(config: AccumulateConfig, steps: usize, step_m: f64) -> Vec<LiveCloud> {
+        let mut accumulator = Accumulator::new(config).unwrap();
+        (0..steps)
+            .filter_map(|i| {
+                accumulator.push(i as f64, &sweep_of(3.0), Some(Pose::translation(i as f64 * step_m, 0.0, 0.0)))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn every_sweep_gives_a_cloud_that_holds_the_distance_once_travelled() {
+        let clouds = drive(config(20.0), 40, 1.9);
+        assert_eq!(clouds.len(), 40);
+        for (i, cloud) in clouds.iter().enumerate() {
+            let want = (i as f64 * 1.9).min(11.0 * 1.9);
+            assert!((cloud.travel_m - want).abs() < 1e-9, "cloud {i} holds {}", cloud.travel_m);
+        }
+    }
+
+    #[test]
+    fn points_are_in_the_newest_frame() {
+        let clouds = drive(config(4.0), 3, 1.0);
+        let mut xs: Vec<f32> = clouds[2].cloud.points().iter().map(|p| p[0]).collect();
+        xs.sort_by(f32::total_cmp);
+        assert_eq!(xs, [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn distance_zero_gives_single_sweeps() {
+        assert!(drive(config(0.0), 5, 1.0).iter().all(|c| c.sweeps == 1 && c.travel_m == 0.0));
+    }
+
+    #[test]
+    fn swathes_do_not_overlap() {
+        let clouds = drive(AccumulateConfig { swathes: true, ..config(4.0) }, 21, 1.0);
+        let stamps: Vec<f64> = clouds.iter().map(|c| c.stamp).collect();
+        assert_eq!(stamps, [4.0, 8.0, 12.0, 16.0, 20.0]);
+    }
+
+    #[test]
+    fn standing_still_adds_nothing() {
+        let clouds = drive(config(20.0), 1000, 0.0);
+        assert!(clouds.iter().all(|c| c.sweeps <= 2));
+    }
+
+    #[test]
+    fn a_jump_starts_anew() {
+        let mut accumulator = Accumulator::new(config(20.0)).unwrap();
+        accumulator.push(0.0, &sweep_of(3.0), Some(Pose::identity()));
+        let live = accumulator.push(1.0, &sweep_of(3.0), Some(Pose::translation(300.0, 0.0, 0.0))).unwrap();
+        assert_eq!((live.sweeps, live.travel_m), (1, 0.0));
+    }
+
+    #[test]
+    fn without_motion_every_sweep_stands_alone() {
+        let mut accumulator = Accumulator::new(config(20.0)).unwrap();
+        for i in 0..3 {
+            assert_eq!(accumulator.push(i as f64, &sweep_of(3.0), None).unwrap().sweeps, 1);
+        }
+    }
+
+    #[test]
+    fn range_is_limited_at_both_ends() {
+        let mut accumulator = Accumulator::new(config(0.0)).unwrap();
+        let sweep = PointCloud::try_new(vec![[0.5, 0.0, 0.0], [10.0, 0.0, 0.0], [60.0, 0.0, 0.0]]).unwrap();
+        assert_eq!(accumulator.push(0.0, &sweep, None).unwrap().cloud.points(), [[10.0, 0.0, 0.0]]);
+    }
+}

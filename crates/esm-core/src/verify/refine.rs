@@ -1,0 +1,159 @@
+//! Refinement of a pose on points: Gauss-Newton on point-to-Gaussian distances (the normal distributions transform
+//! of Biber and Strasser 2003, Magnusson 2009), robust against what has changed.
+
+use std::ops::{AddAssign, SubAssign};
+
+use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
+
+use super::surface::{LEVELS_M, Surface};
+use crate::cloud::Pose;
+
+/// Iterations a level.
+const ITERATIONS: usize = 6;
+/// A level is settled when a step moves less than this, metres and radians.
+const SETTLED: f64 = 1e-4;
+/// Mahalanobis distance at which a point's weight has fallen to a quarter (Geman-McClure).
+const KERNEL: f64 = 3.0;
+/// Neighbouring points of a cloud see the same surface and the same errors: this many count as one measurement.
+const CORRELATED_POINTS: f64 = 30.0;
+
+/// A refined pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refined {
+    /// Pose of the live sensor in the map.
+    pub pose_map_sensor: Pose,
+    /// Covariance, order x y z rx ry rz in m and rad, of a right perturbation in the sensor frame; `None` where the
+    /// points do not fix the pose.
+    pub covariance: Option<Matrix6<f64>>,
+    /// Root mean square distance to the map's surface, in standard deviations, of the points that count.
+    pub residual: f64,
+}
+
+/// Refines `pose_map_sensor` so that `points_sensor` come to lie on the map's surface.
+pub fn refine(surface: &Surface, points_sensor: &[[f32; 3]], pose_map_sensor: &Pose) -> Refined {
+    let points: Vec<Vector3<f64>> =
+        points_sensor.iter().map(|p| Vector3::new(p[0] as f64, p[1] as f64, p[2] as f64)).collect();
+    let mut pose = *pose_map_sensor;
+    for level in 0..LEVELS_M.len() {
+        for _ in 0..ITERATIONS {
+            let system = System::new(surface, level, &points, &pose);
+            let Some(step) = system.step() else { break };
+            pose = perturb(&pose, &step);
+            if step.norm() < SETTLED {
+                break;
+            }
+        }
+    }
+    let system = System::new(surface, LEVELS_M.len() - 1, &points, &pose);
+    Refined { pose_map_sensor: pose, covariance: system.covariance(), residual: system.residual() }
+}
+
+/// The normal equations of one Gauss-Newton step.
+struct System {
+    h: Matrix6<f64>,
+    g: Vector6<f64>,
+    weight: f64,
+    squared: f64,
+}
+
+impl System {
+    fn new(surface: &Surface, level: usize, points: &[Vector3<f64>], pose: &Pose) -> Self {
+        let rotation = pose.rotation.to_rotation_matrix();
+        let r: &Matrix3<f64> = rotation.matrix();
+        let mut system = Self { h: Matrix6::zeros(), g: Vector6::zeros(), weight: 0.0, squared: 0.0 };
+        for p in points {
+            let at = r * p + pose.translation.vector;
+            let Some(gaussian) = surface.nearest(level, &at) else { continue };
+            let e = at - gaussian.mean;
+            let squared = e.dot(&(gaussian.information * e));
+            let weight = (KERNEL * KERNEL / (KERNEL * KERNEL + squared)).powi(2);
+            // d(at)/d(perturbation) = R [I | -[p]x]; the rotation is taken out so that J = [I | -[p]x] stays cheap.
+            let m = r.transpose() * gaussian.information * r * weight;
+            let b = m * (r.transpose() * e);
+            let skew = p.cross_matrix();
+            let ms = m * skew;
+            system.h.fixed_view_mut::<3, 3>(0, 0).add_assign(m);
+            system.h.fixed_view_mut::<3, 3>(0, 3).sub_assign(ms);
+            system.h.fixed_view_mut::<3, 3>(3, 3).add_assign(skew.transpose() * ms);
+            system.g.fixed_rows_mut::<3>(0).add_assign(b);
+            system.g.fixed_rows_mut::<3>(3).add_assign(p.cross(&b));
+            system.weight += weight;
+            system.squared += weight * squared;
+        }
+        let upper = system.h.fixed_view::<3, 3>(0, 3).transpose();
+        system.h.fixed_view_mut::<3, 3>(3, 0).copy_from(&upper);
+        system
+    }
+
+    fn step(&self) -> Option<Vector6<f64>> {
+        let step = -(self.h.cholesky()?.solve(&self.g));
+        step.iter().all(|v| v.is_finite()).then_some(step)
+    }
+
+    fn residual(&self) -> f64 {
+        if self.weight > 0.0 { (self.squared / self.weight).sqrt() } else { f64::INFINITY }
+    }
+
+    fn covariance(&self) -> Option<Matrix6<f64>> {
+        let inverse = self.h.cholesky()?.inverse();
+        let scale = (self.squared / self.weight.max(1.0)).max(1.0) * CORRELATED_POINTS;
+        inverse.iter().all(|v| v.is_finite()).then_some(inverse * scale)
+    }
+}
+
+
+/// pose * Exp(step) with step = (translation, rotation vector) in the sensor frame.
+fn perturb(pose: &Pose, step: &Vector6<f64>) -> Pose {
+    let translation = Translation3::new(step[0], step[1], step[2]);
+    let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
+    let mut moved = pose * Pose::from_parts(translation, rotation);
+    moved.rotation.renormalize();
+    moved
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::transform_point;
+
+    /// A street: ground, two facades with a bend, and poles, in the map frame.
+    fn street() -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+        let (mut objects, mut ground) = (Vec::new(), Vec::new());
+        for i in 0..200 {
+            for j in 0..60 {
+                let (x, y) = (i as f32 * 0.2, j as f32 * 0.2 - 6.0);
+                ground.push([x, y, 0.01 * x]);
+            }
+            for k in 0..15 {
+                objects.push([i as f32 * 0.2, 6.0 + (i / 50) as f32, k as f32 * 0.2 + 0.3]);
+                objects.push([i as f32 * 0.2, -6.0, k as f32 * 0.2 + 0.3]);
+                if i % 25 == 0 {
+                    objects.push([i as f32 * 0.2, 4.0, k as f32 * 0.2 + 0.3]);
+                }
+            }
+        }
+        (objects, ground)
+    }
+
+    #[test]
+    fn a_known_pose_is_found_from_half_a_metre_and_two_degrees() {
+        let (objects, ground) = street();
+        let surface = Surface::new(&objects, &ground);
+        let truth = Pose::new(Vector3::new(20.0, 0.5, 1.7), Vector3::new(0.01, 0.02, 0.4));
+        let live: Vec<[f32; 3]> =
+            objects.iter().chain(&ground).step_by(7).map(|p| transform_point(&truth.inverse(), *p)).collect();
+        let guess = Pose::new(Vector3::new(20.4, 0.2, 1.9), Vector3::new(0.0, 0.0, 0.435));
+        let found = refine(&surface, &live, &guess);
+        let error = truth.inv_mul(&found.pose_map_sensor);
+        assert!(error.translation.vector.norm() < 0.05, "{error}");
+        assert!(error.rotation.angle() < 0.003, "{error}");
+        assert!(found.covariance.is_some());
+    }
+
+    #[test]
+    fn without_a_map_the_pose_stays_and_has_no_covariance() {
+        let pose = Pose::translation(1.0, 2.0, 3.0);
+        let found = refine(&Surface::new(&[], &[]), &[[1.0, 0.0, 0.0]], &pose);
+        assert_eq!((found.pose_map_sensor, found.covariance), (pose, None));
+    }
+}
