@@ -52,7 +52,12 @@ impl AccumulateConfig {
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
         let fields: [(&'static str, f64, bool, &'static str); 6] = [
-            ("accumulate.distance_m", self.distance_m, (0.0..=1000.0).contains(&self.distance_m), "0 to 1000 m"),
+            (
+                "accumulate.distance_m",
+                self.distance_m,
+                (0.0..=1000.0).contains(&self.distance_m),
+                "0 to 1000 m",
+            ),
             ("accumulate.max_range_m", self.max_range_m, self.max_range_m > 0.0, "more than 0 m"),
             (
                 "accumulate.min_range_m",
@@ -60,9 +65,19 @@ impl AccumulateConfig {
                 self.min_range_m >= 0.0 && self.min_range_m < self.max_range_m,
                 "0 m up to accumulate.max_range_m",
             ),
-            ("accumulate.sweep_voxel_m", self.sweep_voxel_m, (0.0..=5.0).contains(&self.sweep_voxel_m), "0 to 5 m"),
+            (
+                "accumulate.sweep_voxel_m",
+                self.sweep_voxel_m,
+                (0.0..=5.0).contains(&self.sweep_voxel_m),
+                "0 to 5 m",
+            ),
             ("accumulate.min_step_m", self.min_step_m, (0.0..=10.0).contains(&self.min_step_m), "0 to 10 m"),
-            ("accumulate.max_step_m", self.max_step_m, self.max_step_m > self.min_step_m, "more than min_step_m"),
+            (
+                "accumulate.max_step_m",
+                self.max_step_m,
+                self.max_step_m > self.min_step_m,
+                "more than min_step_m",
+            ),
         ];
         if self.swathes && self.distance_m == 0.0 {
             return Err(Error::Config {
@@ -72,7 +87,9 @@ impl AccumulateConfig {
             });
         }
         match fields.iter().find(|f| !f.2) {
-            Some(&(field, value, _, allowed)) => Err(Error::Config { field, value: value.to_string(), allowed }),
+            Some(&(field, value, _, allowed)) => {
+                Err(Error::Config { field, value: value.to_string(), allowed })
+            }
             None => Ok(()),
         }
     }
@@ -140,7 +157,12 @@ impl Accumulator {
     /// only once every `distance_m`.
     ///
     /// A sweep without a pose is a cloud of its own and is not kept.
-    pub fn push(&mut self, stamp: f64, sweep: &PointCloud, pose_odom_sensor: Option<Pose>) -> Option<LiveCloud> {
+    pub fn push(
+        &mut self,
+        stamp: f64,
+        sweep: &PointCloud,
+        pose_odom_sensor: Option<Pose>,
+    ) -> Option<LiveCloud> {
         let started = Instant::now();
         let points_sensor = self.thin(sweep);
         let Some(pose) = pose_odom_sensor else {
@@ -231,7 +253,11 @@ mod tests {
         let mut accumulator = Accumulator::new(config).unwrap();
         (0..steps)
             .filter_map(|i| {
-                accumulator.push(i as f64, &sweep_of(3.0), Some(Pose::translation(i as f64 * step_m, 0.0, 0.0)))
+                accumulator.push(
+                    i as f64,
+                    &sweep_of(3.0),
+                    Some(Pose::translation(i as f64 * step_m, 0.0, 0.0)),
+                )
             })
             .collect()
     }

@@ -34,6 +34,10 @@ impl Descriptor for Eigen {
         EIGEN_DIM
     }
 
+    fn standardized(&self) -> bool {
+        true
+    }
+
     fn describe(&self, segments: &[Segment]) -> Descriptions {
         rows(EIGEN_DIM, segments, |segment, row| row.copy_from_slice(&features(eigenvalues(segment))))
     }

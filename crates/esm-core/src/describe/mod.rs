@@ -29,6 +29,11 @@ pub trait Descriptor: Send + Sync {
     fn version(&self) -> u32;
     /// Numbers a segment.
     fn dim(&self) -> usize;
+    /// Whether a map brings each dimension to zero mean and unit variance over its segments: for hand-made features in
+    /// mixed units.
+    fn standardized(&self) -> bool {
+        false
+    }
     /// Describes a batch.
     fn describe(&self, segments: &[Segment]) -> Descriptions;
 }
@@ -50,10 +55,8 @@ pub fn by_name(name: &str) -> Result<Box<dyn Descriptor>, Error> {
     match name {
         "shape" => Ok(Box::new(Shape)),
         "eigen" => Ok(Box::new(Eigen)),
-        _ => Err(Error::Config {
-            field: "descriptor",
-            value: name.to_owned(),
-            allowed: "one of shape, eigen",
-        }),
+        _ => {
+            Err(Error::Config { field: "descriptor", value: name.to_owned(), allowed: "one of shape, eigen" })
+        }
     }
 }

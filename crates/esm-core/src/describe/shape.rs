@@ -33,6 +33,10 @@ impl Descriptor for Shape {
         SHAPE_DIM
     }
 
+    fn standardized(&self) -> bool {
+        true
+    }
+
     fn describe(&self, segments: &[Segment]) -> Descriptions {
         rows(SHAPE_DIM, segments, |segment, row| {
             let values = eigenvalues(segment);

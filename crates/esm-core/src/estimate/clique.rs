@@ -16,12 +16,7 @@ pub struct Clique {
 ///
 /// Vertices are taken in degeneracy order, so each branch works on at most as many vertices as the graph's core
 /// number; within a branch, bitsets and a greedy colouring bound (Tomita and Seki 2003).
-pub fn max_clique(
-    graph: &ConsistencyGraph,
-    allowed: &[bool],
-    larger_than: usize,
-    effort: usize,
-) -> Clique {
+pub fn max_clique(graph: &ConsistencyGraph, allowed: &[bool], larger_than: usize, effort: usize) -> Clique {
     let (cores, order) = graph.cores();
     let mut rank = vec![0u32; graph.len()];
     for (r, v) in order.iter().enumerate() {
@@ -199,7 +194,8 @@ mod tests {
 
     #[test]
     fn spent_effort_is_told() {
-        let edges = (0..30u32).flat_map(|a| (0..30u32).map(move |b| (a, b))).filter(|(a, b)| a != b).collect();
+        let edges =
+            (0..30u32).flat_map(|a| (0..30u32).map(move |b| (a, b))).filter(|(a, b)| a != b).collect();
         let graph = ConsistencyGraph::from_edges(30, edges);
         assert!(!max_clique(&graph, &[true; 30], 0, 1).proven);
     }

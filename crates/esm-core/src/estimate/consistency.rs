@@ -34,7 +34,10 @@ impl ConsistencyGraph {
             let i = bins.members[a];
             for &j in &bins.members[b_range] {
                 let (ci, cj) = (&candidates[i as usize], &candidates[j as usize]);
-                if ci.live != cj.live && ci.map != cj.map && agreement.holds(ci, cj, live.get(ci.live, cj.live)) {
+                if ci.live != cj.live
+                    && ci.map != cj.map
+                    && agreement.holds(ci, cj, live.get(ci.live, cj.live))
+                {
                     edges.push((i, j));
                     edges.push((j, i));
                 }
@@ -188,7 +191,10 @@ impl Bins {
     fn new(candidates: &[Candidate], reach: f32) -> Self {
         let edge = f64::from(reach.max(1.0));
         let cell = |c: &Candidate| {
-            ((f64::from(c.pair.map[0]) / edge).floor() as i64, (f64::from(c.pair.map[1]) / edge).floor() as i64)
+            (
+                (f64::from(c.pair.map[0]) / edge).floor() as i64,
+                (f64::from(c.pair.map[1]) / edge).floor() as i64,
+            )
         };
         let mut keyed: Vec<((i64, i64), u32)> =
             candidates.iter().enumerate().map(|(i, c)| (cell(c), i as u32)).collect();

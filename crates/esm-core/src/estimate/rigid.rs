@@ -52,10 +52,14 @@ impl Estimator for SixDof {
             return None;
         }
         // A reflection fits planar points as well as a rotation does: take the rotation.
-        let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (v * u.transpose()).determinant().signum()));
+        let flip =
+            Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (v * u.transpose()).determinant().signum()));
         let rotation = Rotation3::from_matrix_unchecked(v * flip * u.transpose());
         let translation = mean_map - rotation * mean_live;
-        Some(Pose::from_parts(Translation3::from(translation), UnitQuaternion::from_rotation_matrix(&rotation)))
+        Some(Pose::from_parts(
+            Translation3::from(translation),
+            UnitQuaternion::from_rotation_matrix(&rotation),
+        ))
     }
 }
 

@@ -80,7 +80,12 @@ impl PoseConfig {
     pub fn check(&self) -> Result<(), Error> {
         let positive = |v: f64| v > 0.0 && v.is_finite();
         let fields: [(&'static str, String, bool, &'static str); 8] = [
-            ("pose.resolution_m", self.resolution_m.to_string(), positive(self.resolution_m), "more than 0 m"),
+            (
+                "pose.resolution_m",
+                self.resolution_m.to_string(),
+                positive(self.resolution_m),
+                "more than 0 m",
+            ),
             ("pose.inlier_m", self.inlier_m.to_string(), positive(self.inlier_m), "more than 0 m"),
             (
                 "pose.max_tilt_deg",
@@ -141,7 +146,9 @@ pub fn search(candidates: &[Candidate], config: &PoseConfig, seed: u64) -> Vec<H
         // Whatever comes of the group, it is not looked at again: the search always ends.
         group.iter().for_each(|v| allowed[*v as usize] = false);
         let Some(place) = settle(candidates, &group, config) else { continue };
-        let near = |other: &Hypothesis| same_place(&other.pose_map_sensor, &place.pose_map_sensor, config.distinct_m);
+        let near = |other: &Hypothesis| {
+            same_place(&other.pose_map_sensor, &place.pose_map_sensor, config.distinct_m)
+        };
         let known = places.iter().any(near);
         withdraw(&mut allowed, candidates, &place.pose_map_sensor, config.distinct_m);
         if !known && place.support.inliers.len() >= config.min_inliers {
@@ -157,7 +164,8 @@ pub fn search(candidates: &[Candidate], config: &PoseConfig, seed: u64) -> Vec<H
 
 /// Whether two poses are one place for all that matters here.
 pub fn same_place(a: &Pose, b: &Pose, distinct_m: f64) -> bool {
-    (a.translation.vector - b.translation.vector).norm() < distinct_m && a.rotation.angle_to(&b.rotation) < 0.3
+    (a.translation.vector - b.translation.vector).norm() < distinct_m
+        && a.rotation.angle_to(&b.rotation) < 0.3
 }
 
 fn tilt(config: &PoseConfig) -> f32 {
@@ -284,7 +292,13 @@ mod tests {
                     [random(1000.0), random(1000.0), random(4.0)]
                 };
                 let pair = Pair { live: at, map };
-                candidates.push(Candidate { live, map: live * 20 + k, distance: k as f32, quality: 1.0, pair });
+                candidates.push(Candidate {
+                    live,
+                    map: live * 20 + k,
+                    distance: k as f32,
+                    quality: 1.0,
+                    pair,
+                });
             }
         }
         sort_by_quality(&mut candidates);

@@ -67,7 +67,11 @@ impl Product {
         matmul(
             MatMut::from_column_major_slice_mut(&mut products, rows, count),
             Accum::Replace,
-            MatRef::from_row_major_slice(&self.descriptors[first_row * self.dim..][..rows * self.dim], rows, self.dim),
+            MatRef::from_row_major_slice(
+                &self.descriptors[first_row * self.dim..][..rows * self.dim],
+                rows,
+                self.dim,
+            ),
             MatRef::from_column_major_slice(&queries[..count * self.dim], self.dim, count),
             -2.0,
             Par::Seq,

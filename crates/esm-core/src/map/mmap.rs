@@ -54,7 +54,7 @@ pub(super) fn map_file(path: &Path) -> Result<Mmap, Error> {
 
 #[allow(unsafe_code)]
 fn map(file: &File, len: usize) -> io::Result<Mmap> {
-    // SAFETY: the mapping is private, read-only and exactly as long as the file was a moment ago; it is only ever
+    // SAFETY: the mapping is read-only and exactly as long as the file was a moment ago; it is only ever
     // viewed as plain numbers for which every bit pattern is valid, so bytes that change can make no invalid value.
     // What no library can rule out is another process editing the file underneath:
     // * Overwritten in place: numbers read later differ from the checksummed ones. Whatever indexes with a number from

@@ -4,8 +4,10 @@
 //! ([`Map::from_data`]) or opened from a file ([`Map::open`]), with the same accessors. The file is described byte by
 //! byte in `FORMAT.md` beside this module.
 
+mod access;
 mod atomic;
 mod blocks;
+mod builder;
 mod check;
 mod column;
 mod container;
@@ -19,6 +21,7 @@ mod records;
 mod standardizer;
 mod write;
 
+pub use builder::{BuildConfig, MapBuilder, coverage_cell};
 pub use container::Map;
 pub use data::{DescriptorInfo, MapData};
 pub use layout::{FORMAT_VERSION, SectionInfo};

@@ -1,5 +1,61 @@
 //! Cutting a cloud into segments: voxels, ground, Euclidean clusters.
 
+mod cluster;
+mod config;
+mod ground;
+mod radix;
+mod voxel;
+
+pub use cluster::euclidean_clusters;
+pub use config::{GroundConfig, SegmentConfig};
+pub use ground::ground_flags;
+pub use voxel::voxel_filter;
+
+use crate::cloud::PointCloud;
+
+/// What [`segment`] made of a cloud.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Segmentation {
+    /// The segments, ordered by their first point in the order of voxels (z, then y, then x).
+    pub segments: Vec<Segment>,
+    /// The ground points of the voxelled cloud, metres.
+    pub ground: Vec<[f32; 3]>,
+    /// Points of the voxelled cloud, ground and small clusters included.
+    pub voxelled: usize,
+}
+
+/// Cuts a cloud into segments: thins it by voxels, removes the ground, and clusters the rest.
+///
+/// The cloud's frame has z up, to within some ten degrees. The result does not depend on the order of the points.
+/// `config` must have passed [`SegmentConfig::check`].
+///
+/// ```
+/// use esm_core::{PointCloud, segment::{SegmentConfig, segment}};
+/// // A floor of 20 x 20 m and a column of 2 m.
+/// let floor = (0..10_000).map(|i| [(i % 100) as f32 * 0.2, (i / 100) as f32 * 0.2, 0.0]);
+/// let column = (0..360).map(|i| [10.0 + (i % 6) as f32 * 0.2, 10.0 + (i / 6 % 6) as f32 * 0.2, (i / 36) as f32 * 0.2]);
+/// let cloud = PointCloud::try_new(floor.chain(column).collect())?;
+/// let result = segment(&cloud, &SegmentConfig::default());
+/// assert_eq!(result.segments.len(), 1);
+/// assert!(result.segments[0].min[2] < 0.5 && result.segments[0].max[2] > 1.7);
+/// # Ok::<(), esm_core::Error>(())
+/// ```
+pub fn segment(cloud: &PointCloud, config: &SegmentConfig) -> Segmentation {
+    let points = voxel_filter(cloud.points(), config.voxel);
+    let flags = ground_flags(&points, &config.ground);
+    let (mut ground, mut objects) = (Vec::new(), Vec::new());
+    for (p, is_ground) in points.iter().zip(flags) {
+        if is_ground { &mut ground } else { &mut objects }.push(*p);
+    }
+    let segments = euclidean_clusters(&objects, config.tolerance, config.min_points, config.max_points)
+        .into_iter()
+        .filter_map(|cluster| {
+            Segment::from_points(cluster.into_iter().map(|i| objects[i as usize]).collect())
+        })
+        .collect();
+    Segmentation { segments, ground, voxelled: points.len() }
+}
+
 /// One segment: a connected group of points above the ground, in the frame of the cloud it was cut from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
@@ -29,7 +85,3 @@ impl Segment {
         Some(Self { points, centroid, min, max })
     }
 }
-
-mod radix;
-mod voxel;
-pub use voxel::voxel_filter;

@@ -139,12 +139,18 @@ mod tests {
     #[test]
     fn empty_and_single() {
         assert!(voxel_filter(&[], 0.2).is_empty());
-        assert_eq!(voxel_filter(&[[1.234_567, -9.876_543, 0.000_123]], 0.2), [[1.234_567, -9.876_543, 0.000_123]]);
+        assert_eq!(
+            voxel_filter(&[[1.234_567, -9.876_543, 0.000_123]], 0.2),
+            [[1.234_567, -9.876_543, 0.000_123]]
+        );
     }
 
     #[test]
     fn points_beyond_the_grid_are_left_out() {
-        assert_eq!(voxel_filter(&[[f32::MAX, 0.0, 0.0], [1.0, 2.0, 3.0], [0.0, -1e12, 0.0]], 0.2), [[1.0, 2.0, 3.0]]);
+        assert_eq!(
+            voxel_filter(&[[f32::MAX, 0.0, 0.0], [1.0, 2.0, 3.0], [0.0, -1e12, 0.0]], 0.2),
+            [[1.0, 2.0, 3.0]]
+        );
         assert!(voxel_filter(&[[f32::MAX, f32::MIN, 0.0]], 0.2).is_empty());
     }
 

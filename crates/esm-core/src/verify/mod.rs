@@ -63,7 +63,9 @@ impl VerifyConfig {
             ("verify.max_runner_up", self.max_runner_up, share(self.max_runner_up), "0 to 1"),
         ];
         match fields.into_iter().find(|f| !f.2) {
-            Some((field, value, _, allowed)) => Err(Error::Config { field, value: value.to_string(), allowed }),
+            Some((field, value, _, allowed)) => {
+                Err(Error::Config { field, value: value.to_string(), allowed })
+            }
             None => Ok(()),
         }
     }

@@ -101,7 +101,6 @@ impl System {
     }
 }
 
-
 /// pose * Exp(step) with step = (translation, rotation vector) in the sensor frame.
 fn perturb(pose: &Pose, step: &Vector6<f64>) -> Pose {
     let translation = Translation3::new(step[0], step[1], step[2]);

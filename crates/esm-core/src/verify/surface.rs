@@ -6,7 +6,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 /// Voxel edges of the Gaussians, metres, coarse first: the coarse level catches errors of a metre, the fine one
 /// settles the pose.
-pub const LEVELS_M: [f32; 2] = [2.0, 1.0];
+pub(super) const LEVELS_M: [f32; 2] = [2.0, 1.0];
 
 /// Edge of the occupied voxels, metres: a live point counts as found when its voxel or a neighbour is occupied, so
 /// within 0.3 to 0.6 m.

@@ -14,13 +14,16 @@ const CELL_M: f32 = 20.0;
 /// Surfaces kept for reuse: a robot moves on slowly, so the next cloud mostly needs the same.
 const CACHED: usize = 8;
 
+type Cached = ((i32, i32), Arc<Surface>);
+
 /// Finds the map's surface near any place, and keeps the last few.
 pub struct Surroundings {
     map: Arc<Map>,
     segments: FxHashMap<(i32, i32), Vec<u32>>,
     ground: FxHashMap<(i32, i32), Vec<u32>>,
     reach_m: f32,
-    cache: Mutex<Vec<((i32, i32), Arc<Surface>)>>,
+    /// Least recently used first.
+    cache: Mutex<Vec<Cached>>,
 }
 
 impl Surroundings {

@@ -1,0 +1,250 @@
+//! [`Localizer`]: the pipeline on one page.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::accumulate::LiveCloud;
+use crate::cloud::Pose;
+use crate::config::Config;
+use crate::describe::{self, Descriptions, Descriptor};
+use crate::error::Error;
+use crate::estimate::{Candidate, Consensus, Hypothesis, NearCentroids, Support, same_place, search};
+use crate::index::Index;
+use crate::localization::{Localization, MatchedSegment, Timings, Verdict};
+use crate::map::Map;
+use crate::matching::candidates;
+use crate::segment::{Segment, Segmentation, segment};
+use crate::verify::{LivePoints, Surroundings, Verified, verify};
+
+/// Finds live clouds in a prior map. Every cloud stands for itself: nothing is kept from one to the next.
+pub struct Localizer {
+    map: Arc<Map>,
+    descriptor: Box<dyn Descriptor>,
+    index: Index,
+    surroundings: Surroundings,
+    config: Config,
+}
+
+/// A place with its evidence, after verification.
+struct Place {
+    pose_map_sensor: Pose,
+    support: Support,
+    verified: Verified,
+}
+
+impl Place {
+    /// Matched segments, weighted by the share of points that are really there.
+    fn score(&self) -> f64 {
+        self.support.inliers.len() as f64 * self.verified.overlap
+    }
+}
+
+impl Localizer {
+    /// A localizer for a map, which must hold the configured descriptor.
+    ///
+    /// # Errors
+    /// [`Error::Config`], [`Error::DescriptorMismatch`].
+    pub fn new(map: Arc<Map>, config: &Config) -> Result<Self, Error> {
+        config.check()?;
+        let descriptor = describe::by_name(&config.descriptor)?;
+        map.check_descriptor(&*descriptor)?;
+        let index = Index::new(map.descriptors(), descriptor.dim(), config.matching.search);
+        let reach_m = (config.accumulate.max_range_m + config.accumulate.distance_m) as f32;
+        let surroundings = Surroundings::new(Arc::clone(&map), reach_m);
+        Ok(Self { map, descriptor, index, surroundings, config: config.clone() })
+    }
+
+    /// The map in use.
+    pub fn map(&self) -> &Arc<Map> {
+        &self.map
+    }
+
+    /// Finds the cloud in the map: segment, describe, match, estimate, verify (paper, section III).
+    ///
+    /// # Errors
+    /// [`Error::MapFile`] where points of the map that are needed turn out to be damaged.
+    pub fn localize(&self, live: &LiveCloud) -> Result<Localization, Error> {
+        let mut clock = Clock::new(live.elapsed);
+        let cloud = segment(&live.cloud, &self.config.segment);
+        clock.lap(|t| &mut t.segmentation);
+        let described = self.describe(&cloud.segments);
+        clock.lap(|t| &mut t.descriptor);
+        clock.split_preprocessing(described.preprocessing);
+        let candidates =
+            candidates(&cloud.segments, &described, &self.map, &self.index, &self.config.matching);
+        clock.lap(|t| &mut t.matching);
+        let places = search(&candidates, &self.config.pose, self.config.seed);
+        clock.lap(|t| &mut t.pose);
+        let places = self.verify(&cloud, &candidates, places)?;
+        let mut answer = self.decide(live, &cloud, &candidates, &places);
+        clock.lap(|t| &mut t.verification);
+        answer.timings = clock.timings;
+        Ok(answer)
+    }
+
+    fn describe(&self, segments: &[Segment]) -> Descriptions {
+        let mut described = self.descriptor.describe(segments);
+        if let Some(standardizer) = self.map.standardizer() {
+            standardizer.apply(&mut described.values);
+        }
+        described
+    }
+
+    /// Refines each place on points and counts its support again; places that come to coincide are one. Best first.
+    fn verify(
+        &self,
+        cloud: &Segmentation,
+        candidates: &[Candidate],
+        hypotheses: Vec<Hypothesis>,
+    ) -> Result<Vec<Place>, Error> {
+        let config = &self.config.pose;
+        let live = LivePoints::new(cloud, &self.config.verify);
+        let mut consensus = NearCentroids::new(candidates, config.inlier_m as f32, 0.0);
+        let mut places: Vec<Place> = Vec::new();
+        for hypothesis in hypotheses {
+            let at = hypothesis.pose_map_sensor.translation.vector.map(|v| v as f32);
+            let surface = self.surroundings.surface([at.x, at.y, at.z])?;
+            let verified = verify(&surface, &live, &hypothesis.pose_map_sensor);
+            let pose_map_sensor = verified.refined.pose_map_sensor;
+            let support = consensus.support(&pose_map_sensor);
+            let place = Place { pose_map_sensor, support, verified };
+            let twin = |p: &&mut Place| same_place(&p.pose_map_sensor, &pose_map_sensor, config.distinct_m);
+            match places.iter_mut().find(twin) {
+                Some(known) if known.score() < place.score() => *known = place,
+                Some(_) => {}
+                None => places.push(place),
+            }
+        }
+        places.sort_by(|a, b| b.score().total_cmp(&a.score()));
+        Ok(places)
+    }
+
+    fn decide(
+        &self,
+        live: &LiveCloud,
+        cloud: &Segmentation,
+        candidates: &[Candidate],
+        places: &[Place],
+    ) -> Localization {
+        let runner_up = places.get(1);
+        let mut answer = Localization {
+            stamp: live.stamp,
+            verdict: Verdict::NotFound,
+            reason: None,
+            pose_map_sensor: None,
+            covariance: None,
+            travel_m: live.travel_m,
+            segments: cloud.segments.len(),
+            described: cloud.segments.len(),
+            inliers: 0,
+            score: 0.0,
+            runner_up: runner_up.map_or(0.0, Place::score),
+            runner_up_pose_map_sensor: runner_up.map(|p| self.to_map_frame(&p.pose_map_sensor)),
+            matches: Vec::new(),
+            timings: Timings::default(),
+        };
+        let Some(best) = places.first() else {
+            answer.reason = Some(self.nothing_found(cloud));
+            return answer;
+        };
+        (answer.inliers, answer.score) = (best.support.inliers.len(), best.score());
+        answer.reason = self.doubt(best);
+        if answer.reason.is_none() {
+            answer.verdict = Verdict::Located;
+            if answer.runner_up > self.config.verify.max_runner_up * answer.score {
+                answer.verdict = Verdict::Ambiguous;
+                answer.reason = Some(format!(
+                    "another place scores {:.1} against {:.1}: verify.max_runner_up = {}",
+                    answer.runner_up, answer.score, self.config.verify.max_runner_up
+                ));
+            }
+            answer.pose_map_sensor = Some(self.to_map_frame(&best.pose_map_sensor));
+            answer.covariance = best.verified.refined.covariance.map(|c| {
+                let mut rows = [0.0; 36];
+                (0..36).for_each(|i| rows[i] = c[(i / 6, i % 6)]);
+                rows
+            });
+            answer.matches = self.matches(candidates, best);
+        }
+        answer
+    }
+
+    /// Why the best place is not to be believed, if so.
+    fn doubt(&self, best: &Place) -> Option<String> {
+        let c = &self.config.verify;
+        let (inliers, v) = (best.support.inliers.len(), &best.verified);
+        if inliers < c.min_inliers {
+            Some(format!("{inliers} consistent matches: verify.min_inliers = {}", c.min_inliers))
+        } else if v.seen < c.min_seen {
+            Some(format!("{:.0} % of the cloud lies where the map is empty", 100.0 * (1.0 - v.seen)))
+        } else if v.overlap < c.min_overlap {
+            Some(format!(
+                "{:.0} % of the points fit the map: verify.min_overlap = {}",
+                100.0 * v.overlap,
+                c.min_overlap
+            ))
+        } else if best.score() < c.min_score {
+            Some(format!("score {:.1}: verify.min_score = {}", best.score(), c.min_score))
+        } else if v.refined.covariance.is_none() {
+            Some("the points do not fix a pose".to_owned())
+        } else {
+            None
+        }
+    }
+
+    fn nothing_found(&self, cloud: &Segmentation) -> String {
+        match cloud.segments.len() {
+            0 if cloud.voxelled == 0 => "the cloud is empty".to_owned(),
+            0 => "no segments in the cloud".to_owned(),
+            n => format!("no {} of the {n} segments agree on a place", self.config.pose.min_inliers),
+        }
+    }
+
+    fn matches(&self, candidates: &[Candidate], place: &Place) -> Vec<MatchedSegment> {
+        let origin = self.map.origin();
+        place
+            .support
+            .inliers
+            .iter()
+            .map(|i| {
+                let c = &candidates[*i as usize];
+                let m = c.pair.map;
+                MatchedSegment {
+                    live: c.live as usize,
+                    map: c.map as usize,
+                    live_centroid_sensor: c.pair.live,
+                    map_centroid_map: [0, 1, 2].map(|a| origin[a] + f64::from(m[a])),
+                }
+            })
+            .collect()
+    }
+
+    fn to_map_frame(&self, pose_origin_sensor: &Pose) -> Pose {
+        let o = self.map.origin();
+        Pose::translation(o[0], o[1], o[2]) * pose_origin_sensor
+    }
+}
+
+/// Measures the stages one after the other.
+struct Clock {
+    timings: Timings,
+    last: Instant,
+}
+
+impl Clock {
+    fn new(accumulation: Duration) -> Self {
+        Self { timings: Timings { accumulation, ..Timings::default() }, last: Instant::now() }
+    }
+
+    fn lap(&mut self, stage: impl Fn(&mut Timings) -> &mut Duration) {
+        let now = Instant::now();
+        *stage(&mut self.timings) = now - self.last;
+        self.last = now;
+    }
+
+    /// Takes the preparation out of the time of the descriptor.
+    fn split_preprocessing(&mut self, preprocessing: Duration) {
+        self.timings.preprocessing = preprocessing;
+        self.timings.descriptor = self.timings.descriptor.saturating_sub(preprocessing);
+    }
+}

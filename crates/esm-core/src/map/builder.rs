@@ -1,0 +1,317 @@
+//! [`MapBuilder`]: a map from a posed recording (overlapping windows, duplicates merged) or from one prior cloud.
+
+use rustc_hash::{FxHashMap, FxHashSet};
+use serde::{Deserialize, Serialize};
+
+use super::Map;
+use super::data::{DescriptorInfo, MapData};
+use super::records::COVERAGE_CELL_M;
+use super::standardizer::Standardizer;
+use crate::accumulate::LiveCloud;
+use crate::cloud::{PointCloud, Pose, transform_point};
+use crate::config::Config;
+use crate::describe::{self, Descriptor};
+use crate::error::Error;
+use crate::segment::{Segment, Segmentation, segment};
+
+/// Configuration of the map builder.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BuildConfig {
+    /// Metres of travel from one window to the next; each window is an accumulated cloud.
+    pub window_step_m: f64,
+    /// A segment and an older one are the same object, seen the same way, when their voxels overlap by at least this
+    /// (intersection over union); the fuller one stays. Above 1 nothing is merged.
+    pub merge_overlap: f64,
+    /// The ground is kept at one point a voxel of this edge, metres.
+    pub ground_voxel_m: f64,
+}
+
+impl Default for BuildConfig {
+    fn default() -> Self {
+        Self { window_step_m: 5.0, merge_overlap: 0.6, ground_voxel_m: 0.4 }
+    }
+}
+
+impl BuildConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for the first field outside its range.
+    pub fn check(&self) -> Result<(), Error> {
+        let fields: [(&'static str, f64, bool, &'static str); 3] = [
+            ("map.window_step_m", self.window_step_m, self.window_step_m >= 0.0, "0 m or more"),
+            ("map.merge_overlap", self.merge_overlap, self.merge_overlap > 0.0, "more than 0"),
+            (
+                "map.ground_voxel_m",
+                self.ground_voxel_m,
+                (0.05..=10.0).contains(&self.ground_voxel_m),
+                "0.05 to 10 m",
+            ),
+        ];
+        match fields.into_iter().find(|f| !f.2) {
+            Some((field, value, _, allowed)) => {
+                Err(Error::Config { field, value: value.to_string(), allowed })
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Edge of the voxels that decide whether two segments overlap, metres: wider than the jumps of a good odometry are
+/// large, so that one object seen twice overlaps itself.
+const OVERLAP_VOXEL_M: f32 = 0.5;
+/// Edge of a ground tile, metres.
+const TILE_M: f32 = 10.0;
+/// The mapped path is kept at this spacing, metres.
+const PATH_STEP_M: f64 = 0.5;
+
+type Voxel = [i32; 3];
+
+/// One object of the growing map.
+#[derive(Clone)]
+struct Entry {
+    segment: Segment,
+    voxels: Vec<Voxel>,
+    row: Vec<f32>,
+    quality: f32,
+    observations: u32,
+}
+
+/// Builds a map window by window.
+pub struct MapBuilder {
+    config: Config,
+    descriptor: Box<dyn Descriptor>,
+    origin: Option<[f64; 3]>,
+    entries: Vec<Entry>,
+    by_voxel: FxHashMap<Voxel, Vec<u32>>,
+    ground: FxHashMap<Voxel, [f32; 3]>,
+    path: Vec<[f64; 3]>,
+    coverage: FxHashSet<[i32; 2]>,
+    last_window: Option<[f64; 3]>,
+    source: String,
+}
+
+impl MapBuilder {
+    /// An empty map to be.
+    ///
+    /// # Errors
+    /// [`Error::Config`].
+    pub fn new(config: &Config) -> Result<Self, Error> {
+        config.check()?;
+        Ok(Self {
+            descriptor: describe::by_name(&config.descriptor)?,
+            config: config.clone(),
+            origin: None,
+            entries: Vec::new(),
+            by_voxel: FxHashMap::default(),
+            ground: FxHashMap::default(),
+            path: Vec::new(),
+            coverage: FxHashSet::default(),
+            last_window: None,
+            source: String::new(),
+        })
+    }
+
+    /// Names what the map is built from, for `map info`: a file name without its folder.
+    pub fn set_source(&mut self, source: &str) {
+        self.source = source.to_owned();
+    }
+
+    /// Segments so far.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Whether there is no segment yet.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// Takes the next accumulated cloud of the recording and where it was taken. Only every `window_step_m` one is
+    /// cut into segments; all count for the path. Says whether this one was.
+    ///
+    /// # Errors
+    /// None today beyond those of a damaged configuration; the result is checked in [`MapBuilder::finish`].
+    pub fn push(&mut self, live: &LiveCloud, pose_map_sensor: &Pose) -> Result<bool, Error> {
+        let at: [f64; 3] = pose_map_sensor.translation.vector.into();
+        if self.path.last().is_none_or(|last| distance(*last, at) >= PATH_STEP_M) {
+            self.path.push(at);
+        }
+        if self.last_window.is_some_and(|last| distance(last, at) < self.config.map.window_step_m) {
+            return Ok(false);
+        }
+        self.last_window = Some(at);
+        let pose_origin_sensor = self.relative(pose_map_sensor);
+        let cloud = segment(&live.cloud, &self.config.segment);
+        self.add(&cloud, &pose_origin_sensor);
+        Ok(true)
+    }
+
+    /// Takes one prior cloud whose points are relative to `origin` (metres, map frame). There is no path; the map
+    /// covers the cells that hold points.
+    ///
+    /// # Errors
+    /// As [`MapBuilder::push`].
+    pub fn push_prior_cloud(&mut self, origin: [f64; 3], cloud: &PointCloud) -> Result<(), Error> {
+        self.origin = Some(origin);
+        self.coverage.extend(cloud.points().iter().map(|p| coverage_cell(absolute(origin, *p))));
+        let cut = segment(cloud, &self.config.segment);
+        self.add(&cut, &Pose::identity());
+        Ok(())
+    }
+
+    /// The map as it stands.
+    ///
+    /// # Errors
+    /// [`Error::EmptyMap`] without a single segment; [`Error::MapData`] where coordinates are beyond what a map holds.
+    pub fn finish(&self) -> Result<Map, Error> {
+        if self.entries.is_empty() {
+            return Err(Error::EmptyMap {
+                hint: "is the ground removed right (segment.ground), are the clouds dense enough (segment.min_points)?",
+            });
+        }
+        let dim = self.descriptor.dim();
+        let info = DescriptorInfo {
+            name: self.descriptor.name().to_owned(),
+            version: self.descriptor.version(),
+            dim: dim as u32,
+        };
+        let mut data = MapData::new(self.origin.unwrap_or_default(), info);
+        for entry in &self.entries {
+            data.push_segment(&entry.segment, entry.observations)?;
+            data.descriptors.extend_from_slice(&entry.row);
+            data.quality.push(entry.quality);
+        }
+        if self.descriptor.standardized() {
+            let standardizer = Standardizer::fit(&data.descriptors, dim);
+            standardizer.apply(&mut data.descriptors);
+            data.standardizer = Some(standardizer);
+        }
+        for tile in self.ground_tiles() {
+            data.push_ground_tile(&tile)?;
+        }
+        data.path.clone_from(&self.path);
+        data.coverage = self.coverage.iter().copied().collect();
+        data.coverage.sort_unstable();
+        data.settings = settings(&self.config)?;
+        data.source.clone_from(&self.source);
+        Map::from_data(data)
+    }
+
+    fn add(&mut self, cloud: &Segmentation, pose_origin_sensor: &Pose) {
+        // Described as the live cloud will be: in the sensor frame, before the turn into the map.
+        let described = self.descriptor.describe(&cloud.segments);
+        for (i, s) in cloud.segments.iter().enumerate() {
+            let points = s.points.iter().map(|p| transform_point(pose_origin_sensor, *p)).collect();
+            let Some(segment) = Segment::from_points(points) else { continue };
+            let row = described.values[i * described.dim..][..described.dim].to_vec();
+            let voxels = voxels(&segment.points, OVERLAP_VOXEL_M);
+            self.merge(Entry { segment, voxels, row, quality: described.quality[i], observations: 1 });
+        }
+        for p in &cloud.ground {
+            let p = transform_point(pose_origin_sensor, *p);
+            self.ground.entry(voxel(p, self.config.map.ground_voxel_m as f32)).or_insert(p);
+        }
+    }
+
+    /// Adds an observation, or merges it with the object it overlaps most: the fuller view stays.
+    fn merge(&mut self, mut new: Entry) {
+        let mut common: FxHashMap<u32, usize> = FxHashMap::default();
+        for v in &new.voxels {
+            for &id in self.by_voxel.get(v).into_iter().flatten() {
+                *common.entry(id).or_default() += 1;
+            }
+        }
+        let overlap = |id: u32, n: usize| {
+            n as f64 / (new.voxels.len() + self.entries[id as usize].voxels.len() - n) as f64
+        };
+        let best = common
+            .into_iter()
+            .map(|(id, n)| (overlap(id, n), id))
+            .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        match best {
+            Some((share, id)) if share >= self.config.map.merge_overlap => {
+                let known = &mut self.entries[id as usize];
+                known.observations += 1;
+                if new.segment.points.len() > known.segment.points.len() {
+                    new.observations = known.observations;
+                    let old = std::mem::replace(known, new);
+                    self.forget(id, &old.voxels);
+                    self.remember(id);
+                }
+            }
+            _ => {
+                self.entries.push(new);
+                self.remember(self.entries.len() as u32 - 1);
+            }
+        }
+    }
+
+    fn remember(&mut self, id: u32) {
+        for v in &self.entries[id as usize].voxels {
+            self.by_voxel.entry(*v).or_default().push(id);
+        }
+    }
+
+    fn forget(&mut self, id: u32, voxels: &[Voxel]) {
+        for v in voxels {
+            if let Some(ids) = self.by_voxel.get_mut(v) {
+                ids.retain(|other| *other != id);
+            }
+        }
+    }
+
+    /// Ground points by tile, tiles and points in a fixed order.
+    fn ground_tiles(&self) -> Vec<Vec<[f32; 3]>> {
+        let mut keyed: Vec<([i32; 2], Voxel, [f32; 3])> = self
+            .ground
+            .iter()
+            .map(|(v, p)| ([(p[0] / TILE_M).floor() as i32, (p[1] / TILE_M).floor() as i32], *v, *p))
+            .collect();
+        keyed.sort_unstable_by_key(|k| (k.0, k.1));
+        keyed.chunk_by(|a, b| a.0 == b.0).map(|tile| tile.iter().map(|k| k.2).collect()).collect()
+    }
+
+    /// Poses relative to the map's origin, which is a round position near the first pose: f32 then loses nothing.
+    fn relative(&mut self, pose_map_sensor: &Pose) -> Pose {
+        const ROUND_M: f64 = 1000.0;
+        let at = pose_map_sensor.translation.vector;
+        let origin = *self.origin.get_or_insert_with(|| {
+            let far = at.norm() > 10.0 * ROUND_M;
+            [0, 1, 2].map(|a| if far { (at[a] / ROUND_M).round() * ROUND_M } else { 0.0 })
+        });
+        Pose::translation(-origin[0], -origin[1], -origin[2]) * pose_map_sensor
+    }
+}
+
+/// The cell of [`MapData::coverage`] that a position in the map frame lies in.
+pub fn coverage_cell(at_map: [f64; 3]) -> [i32; 2] {
+    [(at_map[0] / COVERAGE_CELL_M).floor() as i32, (at_map[1] / COVERAGE_CELL_M).floor() as i32]
+}
+
+fn settings(config: &Config) -> Result<String, Error> {
+    toml::to_string(config).map_err(|e| Error::MapData {
+        what: format!("the build settings cannot be written as TOML: {e}"),
+        hint: "use finite numbers in the configuration",
+    })
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2)).sqrt()
+}
+
+fn absolute(origin: [f64; 3], p: [f32; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|a| origin[a] + f64::from(p[a]))
+}
+
+fn voxel(p: [f32; 3], edge: f32) -> Voxel {
+    p.map(|v| (v / edge).floor() as i32)
+}
+
+fn voxels(points: &[[f32; 3]], edge: f32) -> Vec<Voxel> {
+    let mut all: Vec<Voxel> = points.iter().map(|p| voxel(*p, edge)).collect();
+    all.sort_unstable();
+    all.dedup();
+    all
+}

@@ -1,0 +1,81 @@
+//! Matching: for every live segment its K nearest map segments, as candidates sorted by quality.
+
+use serde::{Deserialize, Serialize};
+
+use crate::describe::Descriptions;
+use crate::error::Error;
+use crate::estimate::{Candidate, Pair, sort_by_quality};
+use crate::index::{Index, Search};
+use crate::map::Map;
+use crate::segment::Segment;
+
+/// Configuration of matching.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MatchConfig {
+    /// Candidates a live segment. (The paper's networks use 25, SegMatch's hand-made features 200.)
+    pub k: usize,
+    /// How the nearest are searched; the answers are the same.
+    pub search: Search,
+    /// Live segments whose descriptor is less likely than this to be good for matching are left out, 0 to 1.
+    pub min_quality: f64,
+    /// Candidates farther than this in descriptor space (L2) are dropped; 0 keeps all.
+    pub max_distance: f64,
+}
+
+impl Default for MatchConfig {
+    fn default() -> Self {
+        Self { k: 60, search: Search::Auto, min_quality: 0.0, max_distance: 0.0 }
+    }
+}
+
+impl MatchConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for the first field outside its range.
+    pub fn check(&self) -> Result<(), Error> {
+        let fields: [(&'static str, f64, bool, &'static str); 3] = [
+            ("match.k", self.k as f64, (1..=10_000).contains(&self.k), "1 to 10000"),
+            ("match.min_quality", self.min_quality, (0.0..=1.0).contains(&self.min_quality), "0 to 1"),
+            ("match.max_distance", self.max_distance, self.max_distance >= 0.0, "0 or more"),
+        ];
+        match fields.into_iter().find(|f| !f.2) {
+            Some((field, value, _, allowed)) => {
+                Err(Error::Config { field, value: value.to_string(), allowed })
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// The candidates of a cloud, best first. `described` must be on the map's scale already.
+pub fn candidates(
+    segments: &[Segment],
+    described: &Descriptions,
+    map: &Map,
+    index: &Index,
+    config: &MatchConfig,
+) -> Vec<Candidate> {
+    let max_squared =
+        if config.max_distance > 0.0 { config.max_distance.powi(2) as f32 } else { f32::INFINITY };
+    let neighbours = index.nearest(&described.values, config.k);
+    let mut all = Vec::with_capacity(segments.len() * config.k);
+    for (live, (segment, nearest)) in segments.iter().zip(neighbours).enumerate() {
+        if f64::from(described.quality[live]) < config.min_quality {
+            continue;
+        }
+        for n in nearest.into_iter().filter(|n| n.distance <= max_squared) {
+            let row = n.row as usize;
+            all.push(Candidate {
+                live: live as u32,
+                map: n.row,
+                distance: n.distance,
+                quality: described.quality[live] * map.quality()[row],
+                pair: Pair { live: segment.centroid, map: map.segments()[row].centroid },
+            });
+        }
+    }
+    sort_by_quality(&mut all);
+    all
+}

@@ -1,0 +1,350 @@
+//! Euclidean clustering: the single-linkage components of a cloud at a distance, exactly.
+//!
+//! Points are sorted into cubic cells so small that all points of a cell are within the tolerance of each other: the
+//! cells, not the points, are the nodes of the union-find. Rows of cells (equal y and z) are then merged with their
+//! forward neighbour rows by moving pointers; two cells are compared only where they are not connected yet, and the
+//! comparison ends at the first pair in reach. No hashing, and no memory that grows with the extent of the cloud.
+
+use super::radix::{Word, bits_for, floor_i64, sort_by_key};
+
+/// Cells between two cells that can hold a linked pair: with cells of tolerance / sqrt(3), two on each axis.
+const REACH: u32 = 2;
+
+/// Cell edge over tolerance. Just below 1/sqrt(3) = 0.57735, so that rounding cannot put two points of one cell out of
+/// each other's reach, and well above 1/2, so that [`REACH`] holds.
+const CELL_OVER_TOLERANCE: f64 = 0.5768;
+
+/// Beyond this many cells from the origin, f32 coordinates are thousands of cells apart: each value gets its own key.
+const LAST_REGULAR_CELL: i64 = 1 << 40;
+
+/// Pairs of cells with more point pairs than this are bisected instead of compared point by point.
+const MAX_BRUTE_FORCE_PAIRS: usize = 128;
+
+/// Connected components of the points, as ascending indices, ordered by their smallest index.
+///
+/// Two points are linked when `(dx*dx + dy*dy) + dz*dz <= tolerance * tolerance` in f32; components with fewer than
+/// `min_points` or more than `max_points` points are left out. The result is exactly that of comparing all pairs and
+/// does not depend on the order of the points but for the numbers they have.
+///
+/// `tolerance` is in metres, positive and at least 1e-6; points must be finite. Of a cloud of more than `2^32 - 1`
+/// points the rest is not read.
+///
+/// ```
+/// use esm_core::segment::euclidean_clusters;
+/// let points = [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.5, 0.0, 0.0]];
+/// assert_eq!(euclidean_clusters(&points, 0.5, 1, 10), vec![vec![0, 2], vec![1]]);
+/// assert_eq!(euclidean_clusters(&points, 0.5, 2, 10), vec![vec![0, 2]]);
+/// ```
+pub fn euclidean_clusters(
+    points: &[[f32; 3]],
+    tolerance: f32,
+    min_points: usize,
+    max_points: usize,
+) -> Vec<Vec<u32>> {
+    let points = &points[..points.len().min(u32::MAX as usize)];
+    if points.is_empty() {
+        return Vec::new();
+    }
+    let mut cells = Cells::new(points, tolerance);
+    let mut sets = DisjointSets::new(cells.len());
+    cells.link(tolerance * tolerance, &mut sets);
+    collect(points.len(), &cells, &mut sets, min_points, max_points)
+}
+
+/// Writes out the components in the order of their smallest point index.
+fn collect(
+    n: usize,
+    cells: &Cells,
+    sets: &mut DisjointSets,
+    min_points: usize,
+    max_points: usize,
+) -> Vec<Vec<u32>> {
+    let mut root_of_point = vec![0u32; n];
+    let mut size_of_root = vec![0usize; cells.len()];
+    for cell in 0..cells.len() {
+        let root = sets.find(cell as u32);
+        let members = &cells.order[cells.range(cell)];
+        size_of_root[root as usize] += members.len();
+        for &i in members {
+            root_of_point[i as usize] = root;
+        }
+    }
+    const UNSEEN: u32 = u32::MAX;
+    let mut cluster_of_root = vec![UNSEEN; cells.len()];
+    let mut clusters: Vec<Vec<u32>> = Vec::new();
+    for (i, &root) in root_of_point.iter().enumerate() {
+        let size = size_of_root[root as usize];
+        if size < min_points || size > max_points {
+            continue;
+        }
+        let cluster = &mut cluster_of_root[root as usize];
+        if *cluster == UNSEEN {
+            *cluster = clusters.len() as u32;
+            clusters.push(Vec::with_capacity(size));
+        }
+        clusters[*cluster as usize].push(i as u32);
+    }
+    clusters
+}
+
+/// A run of cells that share y and z, ascending in x.
+#[derive(Clone, Copy)]
+struct Row {
+    y: u32,
+    z: u32,
+    first: u32,
+    end: u32,
+}
+
+/// The points sorted by cell: z-major, then y, then x.
+struct Cells {
+    /// Points of cell `c`: `points[starts[c]..starts[c + 1]]`.
+    starts: Vec<u32>,
+    /// x key of each cell.
+    x: Vec<u32>,
+    rows: Vec<Row>,
+    points: Vec<[f32; 3]>,
+    /// Original index of each sorted point, cell by cell.
+    order: Vec<u32>,
+}
+
+impl Cells {
+    fn new(points: &[[f32; 3]], tolerance: f32) -> Self {
+        let per_metre = 1.0 / (CELL_OVER_TOLERANCE * f64::from(tolerance));
+        let keys: Vec<[i64; 3]> = points.iter().map(|p| p.map(|v| axis_key(v, per_metre))).collect();
+        let (mut low, mut high) = ([i64::MAX; 3], [i64::MIN; 3]);
+        for k in &keys {
+            for a in 0..3 {
+                low[a] = low[a].min(k[a]);
+                high[a] = high[a].max(k[a]);
+            }
+        }
+        let bits: [u32; 3] = std::array::from_fn(|a| bits_for(high[a].abs_diff(low[a])));
+        if bits.iter().sum::<u32>() <= 32 {
+            let relative = |k: &[i64; 3]| std::array::from_fn(|a| k[a].abs_diff(low[a]) as u32);
+            Self::sorted::<u64>(points, keys.iter().map(relative), bits)
+        } else {
+            let axes: [Vec<u32>; 3] = std::array::from_fn(|a| close_gaps(&keys, a));
+            let bits = axes.each_ref().map(|axis| bits_for(axis.iter().copied().max().unwrap_or(0).into()));
+            let keys = (0..points.len()).map(|i| [axes[0][i], axes[1][i], axes[2][i]]);
+            Self::sorted::<u128>(points, keys, bits)
+        }
+    }
+
+    fn sorted<W: Word>(points: &[[f32; 3]], keys: impl Iterator<Item = [u32; 3]>, bits: [u32; 3]) -> Self {
+        let pack = |(i, k): (usize, [u32; 3])| {
+            let key =
+                (u128::from(k[2]) << (bits[0] + bits[1])) | (u128::from(k[1]) << bits[0]) | u128::from(k[0]);
+            W::pack(key, i as u32)
+        };
+        let words = sort_by_key(keys.enumerate().map(pack).collect::<Vec<W>>(), bits.iter().sum());
+
+        let mask = |bits: u32| (1u128 << bits) - 1;
+        let (mut starts, mut x, mut rows) = (Vec::new(), Vec::new(), Vec::<Row>::new());
+        let mut last = None;
+        for (at, w) in words.iter().enumerate() {
+            let key = w.key();
+            if last == Some(key) {
+                continue;
+            }
+            last = Some(key);
+            let cell = starts.len() as u32;
+            starts.push(at as u32);
+            x.push((key & mask(bits[0])) as u32);
+            let y = (key >> bits[0] & mask(bits[1])) as u32;
+            let z = (key >> (bits[0] + bits[1])) as u32;
+            match rows.last_mut() {
+                Some(row) if row.y == y && row.z == z => row.end = cell + 1,
+                _ => rows.push(Row { y, z, first: cell, end: cell + 1 }),
+            }
+        }
+        starts.push(words.len() as u32);
+        let order: Vec<u32> = words.iter().map(|w| w.index()).collect();
+        let points = order.iter().map(|&i| points[i as usize]).collect();
+        Self { starts, x, rows, points, order }
+    }
+
+    fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    fn range(&self, cell: usize) -> std::ops::Range<usize> {
+        self.starts[cell] as usize..self.starts[cell + 1] as usize
+    }
+
+    /// Unites all cells that hold a linked pair.
+    fn link(&mut self, tolerance2: f32, sets: &mut DisjointSets) {
+        for r in 0..self.rows.len() {
+            let row = self.rows[r];
+            for a in row.first..row.end {
+                for b in a + 1..row.end.min(a + 1 + REACH) {
+                    if self.x[b as usize] - self.x[a as usize] > REACH {
+                        break;
+                    }
+                    self.link_cells(a, b, tolerance2, sets);
+                }
+            }
+        }
+        // Near rows first: what they unite, the far rows need not compare.
+        let mut offsets: Vec<(i64, u32)> = (0..=REACH)
+            .flat_map(|dz| (-i64::from(REACH)..=i64::from(REACH)).map(move |dy| (dy, dz)))
+            .collect();
+        offsets.retain(|&(dy, dz)| dz > 0 || dy > 0);
+        offsets.sort_by_key(|&(dy, dz)| (dy * dy + i64::from(dz * dz), dz, dy));
+        for (dy, dz) in offsets {
+            let mut s = 0;
+            for r in 0..self.rows.len() {
+                let row = self.rows[r];
+                let wanted = (u64::from(row.z) + u64::from(dz), i64::from(row.y) + dy);
+                let place = |row: &Row| (u64::from(row.z), i64::from(row.y));
+                while s < self.rows.len() && place(&self.rows[s]) < wanted {
+                    s += 1;
+                }
+                match self.rows.get(s) {
+                    None => break,
+                    Some(other) if place(other) == wanted => self.link_rows(row, *other, tolerance2, sets),
+                    Some(_) => {}
+                }
+            }
+        }
+    }
+
+    /// Unites the cells of two rows, sweeping both along x.
+    #[inline]
+    fn link_rows(&mut self, row: Row, other: Row, tolerance2: f32, sets: &mut DisjointSets) {
+        let mut lower = other.first;
+        for a in row.first..row.end {
+            let x = self.x[a as usize];
+            while lower < other.end && self.x[lower as usize] + REACH < x {
+                lower += 1;
+            }
+            for b in lower..other.end {
+                if self.x[b as usize] > x + REACH {
+                    break;
+                }
+                self.link_cells(a, b, tolerance2, sets);
+            }
+        }
+    }
+
+    #[inline]
+    fn link_cells(&mut self, a: u32, b: u32, tolerance2: f32, sets: &mut DisjointSets) {
+        let (root_a, root_b) = (sets.find(a), sets.find(b));
+        if root_a == root_b {
+            return;
+        }
+        let (start_a, end_a) = (self.starts[a as usize] as usize, self.starts[a as usize + 1] as usize);
+        let (start_b, end_b) = (self.starts[b as usize] as usize, self.starts[b as usize + 1] as usize);
+        // Cells are stored in ascending order and a < b: the two ranges lie in disjoint halves.
+        let (head, tail) = self.points.split_at_mut(start_b);
+        if any_linked(&mut head[start_a..end_a], &mut tail[..end_b - start_b], tolerance2) {
+            sets.unite(root_a, root_b);
+        }
+    }
+}
+
+/// Cell of a coordinate along one axis. Equal coordinates have equal keys, keys ascend with the coordinate, and
+/// coordinates whose keys differ by more than [`REACH`] are more than the tolerance apart.
+#[inline]
+fn axis_key(v: f32, per_metre: f64) -> i64 {
+    let cell = f64::from(v) * per_metre;
+    if cell.abs() < LAST_REGULAR_CELL as f64 {
+        floor_i64(cell)
+    } else {
+        let steps = i64::from(v.abs().to_bits()) * i64::from(REACH + 1);
+        if v > 0.0 { LAST_REGULAR_CELL + steps } else { -LAST_REGULAR_CELL - 1 - steps }
+    }
+}
+
+/// Keys of one axis moved together: gaps up to [`REACH`] stay, wider ones become `REACH + 1`.
+fn close_gaps(keys: &[[i64; 3]], axis: usize) -> Vec<u32> {
+    let mut distinct: Vec<i64> = keys.iter().map(|k| k[axis]).collect();
+    distinct.sort_unstable();
+    distinct.dedup();
+    let mut closed = Vec::with_capacity(distinct.len());
+    let mut at = 0u32;
+    for (i, key) in distinct.iter().enumerate() {
+        if i > 0 {
+            at = at.saturating_add(key.abs_diff(distinct[i - 1]).min(u64::from(REACH + 1)) as u32);
+        }
+        closed.push(at);
+    }
+    keys.iter().map(|k| closed[distinct.partition_point(|d| *d < k[axis])]).collect()
+}
+
+#[inline]
+fn distance2(p: &[f32; 3], q: &[f32; 3]) -> f32 {
+    let (dx, dy, dz) = (p[0] - q[0], p[1] - q[1], p[2] - q[2]);
+    (dx * dx + dy * dy) + dz * dz
+}
+
+/// Whether any point of `a` is linked with any of `b`. Reorders points within the slices.
+#[inline]
+fn any_linked(a: &mut [[f32; 3]], b: &mut [[f32; 3]], tolerance2: f32) -> bool {
+    if a.len() * b.len() <= MAX_BRUTE_FORCE_PAIRS {
+        a.iter().any(|p| b.iter().any(|q| distance2(p, q) <= tolerance2))
+    } else {
+        any_linked_bisecting(a, b, tolerance2)
+    }
+}
+
+/// [`any_linked`] for crowded cells: boxes decide where they can, else the larger side is halved.
+fn any_linked_bisecting(a: &mut [[f32; 3]], b: &mut [[f32; 3]], tolerance2: f32) -> bool {
+    let ((low_a, high_a), (low_b, high_b)) = (bounds(a), bounds(b));
+    // f32 subtraction, product and sum are monotonic: what holds for the boxes holds for every pair, rounding included.
+    let gap: [f32; 3] = std::array::from_fn(|i| (low_a[i] - high_b[i]).max(low_b[i] - high_a[i]).max(0.0));
+    let span: [f32; 3] = std::array::from_fn(|i| (high_a[i] - low_b[i]).max(high_b[i] - low_a[i]));
+    if distance2(&gap, &[0.0; 3]) > tolerance2 {
+        return false;
+    }
+    if distance2(&span, &[0.0; 3]) <= tolerance2 {
+        return true;
+    }
+    let (larger, other, low, high) =
+        if a.len() >= b.len() { (a, b, low_a, high_a) } else { (b, a, low_b, high_b) };
+    let extent: [f32; 3] = std::array::from_fn(|i| high[i] - low[i]);
+    let axis = (0..3).fold(0, |best, i| if extent[i] > extent[best] { i } else { best });
+    let middle = larger.len() / 2;
+    larger.select_nth_unstable_by(middle, |p, q| p[axis].total_cmp(&q[axis]));
+    let (left, right) = larger.split_at_mut(middle);
+    any_linked(left, other, tolerance2) || any_linked(right, other, tolerance2)
+}
+
+fn bounds(points: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
+    points.iter().fold(([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]), |(low, high), p| {
+        (std::array::from_fn(|a| low[a].min(p[a])), std::array::from_fn(|a| high[a].max(p[a])))
+    })
+}
+
+/// Union-find; the smaller index is the root, so the sets do not depend on the order of the unions.
+struct DisjointSets {
+    parent: Vec<u32>,
+}
+
+impl DisjointSets {
+    fn new(n: usize) -> Self {
+        Self { parent: (0..n as u32).collect() }
+    }
+
+    #[inline]
+    fn find(&mut self, mut i: u32) -> u32 {
+        loop {
+            let parent = self.parent[i as usize];
+            if parent == i {
+                return i;
+            }
+            let grand = self.parent[parent as usize];
+            self.parent[i as usize] = grand;
+            i = grand;
+        }
+    }
+
+    #[inline]
+    fn unite(&mut self, root_a: u32, root_b: u32) {
+        let (low, high) = (root_a.min(root_b), root_a.max(root_b));
+        self.parent[high as usize] = low;
+    }
+}
+
+#[cfg(test)]
+mod tests;
