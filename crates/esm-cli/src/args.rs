@@ -120,7 +120,7 @@ pub struct LocalizeArgs {
     /// One JSON object a line and cloud, and a summary
     #[arg(long)]
     pub json: bool,
-    /// Write the located poses: .tum (text) or .mcap (nav_msgs/Odometry)
+    /// Write the located poses: .tum (text) or .mcap (geometry_msgs/PoseWithCovarianceStamped)
     #[arg(short, long, value_name = "FILE.tum|FILE.mcap", value_hint = ValueHint::FilePath)]
     pub output: Option<PathBuf>,
     /// Draw the map from above with the drive and its matches

@@ -4,6 +4,7 @@ use std::fmt;
 use std::process::ExitCode;
 
 use crate::console;
+use crate::signals::{self, Interrupted};
 
 /// How a run ended that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +47,10 @@ pub fn exit(result: anyhow::Result<Outcome>) -> ExitCode {
         Ok(Outcome::NothingLocalized) => ExitCode::from(CODE_NOTHING),
         // Whoever read our output has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) if error.is::<Interrupted>() => {
+            console::say("interrupted");
+            ExitCode::from(signals::CODE_INTERRUPTED)
+        }
         Err(error) => {
             console::say(&message(&error));
             ExitCode::from(CODE_ERROR)

@@ -1,56 +1,66 @@
-//! Ctrl-C and termination: the run stops at once and leaves no half-written file behind.
+//! Ctrl-C and termination: the run stops, and no half-written file stays behind.
 
-use std::path::{Path, PathBuf};
+use std::fmt;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::console;
 
 /// 128 + SIGINT, as shells report it.
-const CODE_INTERRUPTED: i32 = 130;
+pub(crate) const CODE_INTERRUPTED: u8 = 130;
 
-/// Temporary files to be removed.
-static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-/// Held while a library writes a file under a temporary name of its own choice: short, and not to be interrupted.
-static WRITING: Mutex<()> = Mutex::new(());
+/// How many unfinished files there may be. Locked for good by a process that is about to exit, so that no new one
+/// appears meanwhile.
+static UNFINISHED: Mutex<usize> = Mutex::new(0);
+static STOP: AtomicBool = AtomicBool::new(false);
 
-/// Takes over the signals.
+/// Takes over the signals. The first one stops the run at once where no file is unfinished, else at the next
+/// [`check`]; the second one stops it wherever it is.
 pub(crate) fn install() {
     let handled = ctrlc::set_handler(|| {
-        let _finished = WRITING.lock();
-        // Never unlocked again: no new temporary file may appear between here and the exit.
-        if let Ok(files) = UNFINISHED.lock() {
-            for file in files.iter() {
-                // What cannot be removed is hidden and never read.
-                let _ = std::fs::remove_file(file);
-            }
-            console::say("interrupted");
-            std::process::exit(CODE_INTERRUPTED);
+        if STOP.swap(true, Ordering::SeqCst) {
+            std::process::exit(i32::from(CODE_INTERRUPTED));
         }
-        std::process::exit(CODE_INTERRUPTED);
+        let unfinished = UNFINISHED.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if *unfinished == 0 {
+            console::say("interrupted");
+            std::process::exit(i32::from(CODE_INTERRUPTED));
+        }
     });
     if let Err(error) = handled {
         tracing::debug!("signals are not handled: {error}");
     }
 }
 
-/// Runs a short write that must be finished before the process may stop.
-pub(crate) fn uninterrupted<R>(write: impl FnOnce() -> R) -> R {
-    let _writing = WRITING.lock();
-    write()
+/// The run was stopped by a signal.
+#[derive(Debug)]
+pub(crate) struct Interrupted;
+
+impl fmt::Display for Interrupted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("interrupted")
+    }
 }
 
-/// Remembers a temporary file that `create` makes, until it is [`forget`]ed.
-pub(crate) fn remember<E>(
-    create: impl FnOnce() -> Result<tempfile::NamedTempFile, E>,
-) -> Result<tempfile::NamedTempFile, E> {
-    let mut files = UNFINISHED.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let file = create()?;
-    files.push(file.path().to_owned());
-    Ok(file)
+impl std::error::Error for Interrupted {}
+
+/// Asked between two clouds.
+pub(crate) fn check() -> Result<(), Interrupted> {
+    if STOP.load(Ordering::SeqCst) { Err(Interrupted) } else { Ok(()) }
 }
 
-/// The file has its final name, or is gone.
-pub(crate) fn forget(path: &Path) {
-    let mut files = UNFINISHED.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    files.retain(|file| file != path);
+/// To be held while files are unfinished: a signal then waits for [`check`], and whoever is told cleans up.
+pub(crate) struct Unfinished(());
+
+impl Unfinished {
+    pub(crate) fn begin() -> Self {
+        *UNFINISHED.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) += 1;
+        Self(())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        *UNFINISHED.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) -= 1;
+    }
 }

@@ -1,1 +1,31 @@
 //! Readers and writers for LiDAR recordings, point clouds and trajectories.
+//!
+//! - [`Recording`]: sweeps with the motion between them, from one `.mcap` (ROS 2: PointCloud2 with Odometry, PoseStamped or
+//!   TF), a directory of scans, or a single scan; in constant memory, across damage.
+//! - [`read_prior_cloud`], [`read_scan`]: `.las`, `.laz`, `.pcd`, `.ply`, KITTI `.bin`.
+//! - [`read_tum`], [`read_kitti_poses`], [`read_poses`]: trajectories; [`write_tum`] and [`PoseWriter`] write them.
+//!
+//! Points are f32 metres, poses f64. Points that are NaN, infinite or exactly (0, 0, 0), which is how sensors write "no
+//! return", are left out and counted. Every [`Error`] names the file, the place in it, and what to do; what reading could
+//! get over is a [`Warning`]. No reader allocates what a header asks for before the file's size has been looked at.
+
+#![cfg_attr(not(test), warn(clippy::unwrap_used))]
+
+mod atomic;
+mod cloud;
+mod error;
+mod input;
+mod mcap_file;
+mod natural;
+mod pose;
+mod recording;
+mod ros;
+mod scalar;
+
+pub use cloud::{PriorCloud, Scan, read_prior_cloud, read_scan};
+pub use error::Error;
+pub use mcap_file::{Damage, Lost, Topic};
+pub use natural::natural_order;
+pub use pose::{PoseFile, StampedPose, read_kitti_poses, read_poses, read_tum, write_tum};
+pub use recording::{InputKind, OpenOptions, Recording, Sweep, Sweeps, Warning, classify};
+pub use ros::pose_writer::PoseWriter;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 use crate::outcome::Failure;
-use crate::signals;
+use crate::signals::Unfinished;
 
 /// A file format by its extension.
 pub(crate) struct Format {
@@ -45,10 +45,12 @@ pub(crate) fn check_target(path: &Path, read: &[PathBuf]) -> anyhow::Result<()> 
 
 /// A file under a temporary name in the folder of its final one.
 pub(crate) struct Target {
-    // Gone only while finishing or dropping.
+    // Gone only while finishing; dropping it removes it.
     file: Option<BufWriter<NamedTempFile>>,
     path: PathBuf,
     target: PathBuf,
+    // Dropped after the file.
+    _unfinished: Unfinished,
 }
 
 impl Target {
@@ -72,14 +74,16 @@ impl Target {
             // As any new file, less the umask.
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
-        let file = signals::remember(|| builder.tempfile_in(folder)).map_err(|e| {
+        let unfinished = Unfinished::begin();
+        let file = builder.tempfile_in(folder).map_err(|e| {
             let hint = match e.kind() {
                 io::ErrorKind::NotFound => format!("create the directory {} first", folder.display()),
                 _ => format!("files must be writable in {}", folder.display()),
             };
             Failure::new(format!("{}: it cannot be written: {}", path.display(), plain(&e)), hint)
         })?;
-        Ok(Self { file: Some(BufWriter::with_capacity(1 << 16, file)), path: path.to_owned(), target })
+        let file = BufWriter::with_capacity(1 << 16, file);
+        Ok(Self { file: Some(file), path: path.to_owned(), target, _unfinished: unfinished })
     }
 
     /// Gives the file its final name.
@@ -89,11 +93,9 @@ impl Target {
     pub(crate) fn finish(mut self) -> anyhow::Result<()> {
         let failed = |doing: &str, e: io::Error| anyhow::anyhow!("{}: {doing}: {e}", self.path.display());
         let Some(file) = self.file.take() else { return Ok(()) };
-        let temporary = file.get_ref().path().to_owned();
         let file = file.into_inner().map_err(|e| failed("writing it", e.into_error()))?;
         file.as_file().sync_all().map_err(|e| failed("syncing it to the disk", e))?;
         file.persist(&self.target).map_err(|e| failed("renaming the finished file", e.error))?;
-        signals::forget(&temporary);
         // Not every file system can sync a folder; the file itself is whole either way.
         if let Some(folder) = self.target.parent()
             && let Ok(folder) = File::open(folder)
@@ -111,17 +113,6 @@ impl Write for Target {
 
     fn flush(&mut self) -> io::Result<()> {
         self.file.as_mut().map_or(Ok(()), Write::flush)
-    }
-}
-
-impl Drop for Target {
-    fn drop(&mut self) {
-        if let Some(file) = self.file.take() {
-            let temporary = file.get_ref().path().to_owned();
-            // Removes the file.
-            drop(file);
-            signals::forget(&temporary);
-        }
     }
 }
 

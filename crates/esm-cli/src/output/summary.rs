@@ -29,6 +29,11 @@ impl StageTimes {
         }
     }
 
+    /// Median of the total, milliseconds.
+    pub(crate) fn total_p50(&self) -> Option<f64> {
+        self.stages.last().and_then(|(_, q)| q.at(0.5))
+    }
+
     /// `{"total": {"p50":..,"p95":..,"max":..}, ...}`, milliseconds.
     pub(crate) fn json(&self) -> Value {
         let of = |q: &Quantiles| json!({"p50": micro(q.at(0.5)), "p95": micro(q.at(0.95)), "max": micro(q.max())});

@@ -10,11 +10,14 @@ const JOINED_M: f64 = 20.0;
 /// Between joined positions the path is sampled this closely, metres.
 const SAMPLE_M: f64 = 5.0;
 
+/// Positions by the cell of [`LOCALIZABLE_M`] edge they lie in.
+type PathCells = HashMap<[i64; 2], Vec<[f64; 3]>>;
+
 /// The places a map covers.
 #[derive(Clone, Debug)]
 pub enum Places {
-    /// Positions of the mapped path, found by the cell of [`LOCALIZABLE_M`] edge they lie in.
-    Path(HashMap<[i64; 2], Vec<[f64; 3]>>),
+    /// Positions of the mapped path, by the cell they lie in.
+    Path(PathCells),
     /// The cells of this edge in metres that hold points of a prior cloud.
     Cells(f64, HashSet<[i32; 2]>),
 }
@@ -22,7 +25,7 @@ pub enum Places {
 impl Places {
     /// Around the path a map was recorded along, positions in the map frame.
     pub fn along(path: &[[f64; 3]]) -> Self {
-        let mut cells: HashMap<[i64; 2], Vec<[f64; 3]>> = HashMap::new();
+        let mut cells: PathCells = HashMap::new();
         let mut previous: Option<[f64; 3]> = None;
         for &p in path {
             if let Some(a) = previous {
@@ -38,6 +41,13 @@ impl Places {
             previous = Some(p);
         }
         Self::Path(cells)
+    }
+
+    /// One more position of the mapped path; cells of a prior cloud stay as they are.
+    pub fn add(&mut self, position: [f64; 3]) {
+        if let Self::Path(cells) = self {
+            cells.entry(cell(&position, LOCALIZABLE_M)).or_default().push(position);
+        }
     }
 
     /// In the cells `(floor(x / edge), floor(y / edge))` of the map frame.

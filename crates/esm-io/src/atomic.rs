@@ -1,0 +1,58 @@
+//! Files that appear whole or not at all.
+
+use std::io::{self, BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use crate::error::Error;
+
+/// A file under a temporary name beside its target; [`commit`](Self::commit) syncs it and moves it there.
+/// Dropped before that, it leaves nothing behind.
+pub(crate) struct AtomicFile {
+    target: PathBuf,
+    file: BufWriter<NamedTempFile>,
+}
+
+impl AtomicFile {
+    pub(crate) fn create(target: &Path) -> Result<Self, Error> {
+        let directory = match target.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".esm-").suffix(".part");
+        // The result gets the permissions of any new file, not the private ones of a temporary file.
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        let file = builder.tempfile_in(directory).map_err(|e| Error::io(target, "creating", e))?;
+        Ok(Self { target: target.to_owned(), file: BufWriter::new(file) })
+    }
+
+    pub(crate) fn commit(self) -> Result<(), Error> {
+        let target = self.target;
+        let file = self.file.into_inner().map_err(|e| Error::io(&target, "writing", e.into_error()))?;
+        file.as_file().sync_all().map_err(|e| Error::io(&target, "writing", e))?;
+        file.persist(&target).map_err(|e| Error::io(&target, "moving it into place", e.error))?;
+        Ok(())
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        self.file.write(buf)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Seek for AtomicFile {
+    fn seek(&mut self, pos: io::SeekFrom) -> io::Result<u64> {
+        self.file.seek(pos)
+    }
+}

@@ -1,0 +1,12 @@
+//! MCAP files: their records, what is damaged in them, and their topics.
+
+mod damage;
+mod records;
+mod stream;
+mod summary;
+mod topics;
+
+pub use damage::{Damage, Lost};
+pub(crate) use stream::{MessageStream, Wanted};
+pub use topics::Topic;
+pub(crate) use topics::{MessageKind, TopicTable};

@@ -1,0 +1,234 @@
+//! An MCAP file as a recording.
+
+use std::collections::{BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
+
+use super::motion::{Answer, Motion, MotionState};
+use super::poses::SweepPoses;
+use super::{NamedPoses, OpenOptions, Sweep, Warning};
+use crate::error::Error;
+use crate::mcap_file::{Damage, MessageKind, MessageStream, Topic, TopicTable, Wanted};
+use crate::pose::seconds;
+use crate::ros::point_cloud2;
+
+/// How long a sweep waits for the motion after it, nanoseconds of the file's own clock: odometry that a filter publishes
+/// late is late by well under a second.
+const MOTION_WAIT_NS: u64 = 3_000_000_000;
+
+/// Most sweeps that wait at once: 3 s of a 20 Hz lidar. Bounds the memory.
+const MAX_WAITING: usize = 60;
+
+#[derive(Debug)]
+pub(super) struct McapSource {
+    path: PathBuf,
+    table: TopicTable,
+    cloud: Topic,
+    motion: Option<(Topic, MessageKind)>,
+    poses: Option<(PathBuf, SweepPoses)>,
+}
+
+impl McapSource {
+    pub(super) fn open(path: &Path, options: &OpenOptions, poses: NamedPoses) -> Result<Self, Error> {
+        let table = TopicTable::read(path)?;
+        let cloud = table.choose_cloud(options.cloud_topic.as_deref())?;
+        let motion = match &poses {
+            Some(_) => None,
+            None => table.choose_motion(options.motion_topic.as_deref())?,
+        };
+        let sweeps = cloud.messages as usize;
+        let poses = poses
+            .map(|(file, poses)| SweepPoses::for_recording(poses, &file, sweeps).map(|p| (file, p)))
+            .transpose()?;
+        Ok(Self { path: path.to_owned(), table, cloud, motion, poses })
+    }
+
+    pub(super) fn topics(&self) -> Vec<Topic> {
+        self.table.topics()
+    }
+
+    pub(super) fn cloud_topic(&self) -> &str {
+        &self.cloud.name
+    }
+
+    pub(super) fn motion_topic(&self) -> Option<&str> {
+        self.motion.as_ref().map(|(topic, _)| topic.name.as_str())
+    }
+
+    pub(super) fn has_motion(&self) -> bool {
+        self.motion.is_some() || self.poses.is_some()
+    }
+
+    pub(super) fn sweep_count(&self) -> usize {
+        self.cloud.messages as usize
+    }
+
+    pub(super) fn sweeps(&self) -> Result<McapSweeps, Error> {
+        let cloud_ids = self.table.ids(&self.cloud.name);
+        let motion_ids = self.motion.as_ref().map(|(t, _)| self.table.ids(&t.name)).unwrap_or_default();
+        let fixed_ids = match &self.motion {
+            Some((_, kind)) if *kind != MessageKind::PoseStamped => self.table.fixed_transforms(),
+            _ => BTreeSet::new(),
+        };
+        let wanted = cloud_ids.iter().chain(&motion_ids).chain(&fixed_ids).copied().collect();
+        let mut stream = MessageStream::open(&self.path, Wanted::Channels(wanted))?;
+        stream.know_channels(self.table.channels.clone());
+        let (motion, motion_name) = match (&self.motion, &self.poses) {
+            (_, Some((file, poses))) => (Motion::File(poses.clone()), file.display().to_string()),
+            (Some((topic, kind)), None) => (MotionState::topic(*kind), topic.name.clone()),
+            (None, None) => (Motion::None, String::new()),
+        };
+        Ok(McapSweeps {
+            path: self.path.clone(),
+            stream,
+            expected: self.table.expected().cloned(),
+            motion: MotionState::new(motion, !fixed_ids.is_empty()),
+            cloud_name: self.cloud.name.clone(),
+            motion_name,
+            cloud_ids,
+            motion_ids,
+            fixed_ids,
+            waiting: VecDeque::new(),
+            log_time: 0,
+            ended: false,
+            read: 0,
+            motion_messages: 0,
+            without: 0,
+            span_ns: None,
+        })
+    }
+}
+
+impl std::fmt::Debug for TopicTable {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("TopicTable").field("topics", &self.topics()).finish()
+    }
+}
+
+pub(super) struct McapSweeps {
+    path: PathBuf,
+    stream: MessageStream,
+    expected: Option<std::collections::BTreeMap<u16, u64>>,
+    motion: MotionState,
+    cloud_name: String,
+    motion_name: String,
+    cloud_ids: BTreeSet<u16>,
+    motion_ids: BTreeSet<u16>,
+    fixed_ids: BTreeSet<u16>,
+    /// Sweeps that wait for the motion after them, with their log times.
+    waiting: VecDeque<(u64, Sweep)>,
+    /// Latest log time.
+    log_time: u64,
+    ended: bool,
+    read: usize,
+    motion_messages: usize,
+    without: usize,
+    span_ns: Option<(i64, i64)>,
+}
+
+impl McapSweeps {
+    pub(super) fn next_sweep(&mut self) -> Result<Option<Sweep>, Error> {
+        loop {
+            if let Some(sweep) = self.release() {
+                return Ok(Some(sweep));
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            match self.stream.next_message()? {
+                Some(message) => self.take(message.channel, message.log_time)?,
+                None => self.ended = true,
+            }
+        }
+    }
+
+    /// The first waiting sweep, once its motion is known or will not be.
+    fn release(&mut self) -> Option<Sweep> {
+        let (log_time, sweep) = self.waiting.front()?;
+        let overdue = self.ended
+            || self.waiting.len() > MAX_WAITING
+            || self.log_time.saturating_sub(*log_time) > MOTION_WAIT_NS;
+        let answer = self.motion.ask(sweep.number - 1, sweep.stamp_ns, &sweep.frame_id, overdue);
+        let pose = match answer {
+            Answer::Wait => return None,
+            Answer::Known(pose) => Some(pose),
+            Answer::Unknown => None,
+        };
+        let (_, mut sweep) = self.waiting.pop_front()?;
+        sweep.pose_odom_sensor = pose;
+        self.without += usize::from(pose.is_none());
+        let (a, b) = self.span_ns.unwrap_or((sweep.stamp_ns, sweep.stamp_ns));
+        self.span_ns = Some((a.min(sweep.stamp_ns), b.max(sweep.stamp_ns)));
+        self.motion.forget_before(sweep.stamp_ns);
+        Some(sweep)
+    }
+
+    fn take(&mut self, channel: u16, log_time: u64) -> Result<(), Error> {
+        self.log_time = self.log_time.max(log_time);
+        let data = self.stream.data();
+        if self.cloud_ids.contains(&channel) {
+            self.read += 1;
+            let cloud = point_cloud2::decode(data)
+                .map_err(|what| self.message_error(self.read, &self.cloud_name, what))?;
+            let sweep = Sweep {
+                number: self.read,
+                stamp: seconds(cloud.header.stamp_ns),
+                stamp_ns: cloud.header.stamp_ns,
+                cloud: cloud.cloud,
+                pose_odom_sensor: None,
+                frame_id: cloud.header.frame_id,
+                dropped: cloud.dropped,
+            };
+            self.waiting.push_back((log_time, sweep));
+        } else if self.motion_ids.contains(&channel) {
+            self.motion_messages += 1;
+            let taken = self.motion.take(data);
+            taken.map_err(|what| self.message_error(self.motion_messages, &self.motion_name, what))?;
+        } else if self.fixed_ids.contains(&channel) {
+            let taken = self.motion.take_fixed(data);
+            taken.map_err(|what| self.message_error(1, "/tf_static", what))?;
+        }
+        Ok(())
+    }
+
+    fn message_error(&self, number: usize, topic: &str, what: String) -> Error {
+        let hint = "the program that recorded this wrote a message that contradicts itself; record or convert it anew";
+        Error::malformed(&self.path, format!("message {number} of {topic}"), what, hint)
+    }
+
+    pub(super) fn first_damage(&self) -> Option<&str> {
+        self.stream.first_damage()
+    }
+
+    fn damage(&self) -> Option<Damage> {
+        self.stream.damage(self.expected.as_ref(), &|channel| self.cloud_ids.contains(&channel))
+    }
+
+    /// At the end: what was not as it should be.
+    pub(super) fn warnings(&self) -> Vec<Warning> {
+        let path = &self.path;
+        let mut warnings = Vec::new();
+        if let Some(damage) = self.damage() {
+            warnings.push(Warning::Damaged { path: path.clone(), damage });
+        }
+        if self.motion.invalid > 0 {
+            let (topic, messages) = (self.motion_name.clone(), self.motion.invalid);
+            warnings.push(Warning::InvalidMotion { path: path.clone(), topic, messages });
+        }
+        if let Some((body, sensor)) = self.motion.assumed.clone() {
+            warnings.push(Warning::AssumedMounting { path: path.clone(), body, sensor });
+        }
+        if let (Some(sweep_span_ns), false) = (self.span_ns, self.motion_name.is_empty())
+            && self.without > 0
+        {
+            warnings.push(Warning::NoMotion {
+                path: path.clone(),
+                without: self.without,
+                sweeps: self.read,
+                source: self.motion_name.clone(),
+                sweep_span_ns,
+                motion_span_ns: self.motion.span_ns,
+            });
+        }
+        warnings
+    }
+}

@@ -1,0 +1,113 @@
+//! `sensor_msgs/msg/PointCloud2`.
+
+use esm_core::PointCloud;
+
+use super::cdr::{CdrReader, Header};
+use crate::cloud::sink::PointSink;
+use crate::scalar::{Scalar, XyzLayout};
+
+/// Most fields a cloud may declare.
+const FIELD_LIMIT: u32 = 1024;
+
+/// One cloud as recorded.
+#[derive(Debug)]
+pub(crate) struct RosCloud {
+    pub(crate) header: Header,
+    pub(crate) cloud: PointCloud,
+    pub(crate) dropped: usize,
+}
+
+/// Decodes a message. Points stand in `width` x `height` records of `point_step` bytes, rows `row_step` apart; x, y and z
+/// may have any place and number type, other fields are skipped.
+pub(crate) fn decode(message: &[u8]) -> Result<RosCloud, String> {
+    let mut cdr = CdrReader::new(message)?;
+    let header = Header::read(&mut cdr)?;
+    let height = u64::from(cdr.u32()?);
+    let width = u64::from(cdr.u32()?);
+    let places = read_fields(&mut cdr)?;
+    let big_endian = cdr.u8()? != 0;
+    let point_step = u64::from(cdr.u32()?);
+    let row_step = u64::from(cdr.u32()?);
+    let data = cdr.byte_sequence()?;
+    // is_dense follows; points are checked one by one instead of believing it.
+
+    let points = width.saturating_mul(height);
+    if points == 0 {
+        return Ok(RosCloud { header, cloud: PointCloud::default(), dropped: 0 });
+    }
+    let layout = XyzLayout { fields: places?, big_endian };
+    let extent = layout.extent().ok_or("a field's offset is out of range")? as u64;
+    if point_step < extent {
+        return Err(format!("point_step is {point_step}, the coordinates reach to byte {extent}"));
+    }
+    let row = width * point_step;
+    let row_step = match row_step {
+        // Some drivers leave it empty; with one row it says nothing.
+        0 => row,
+        _ if height == 1 => row,
+        step if step < row => {
+            return Err(format!("row_step is {step}, {width} points of {point_step} bytes need {row}"));
+        }
+        step => step,
+    };
+    let needed = (height - 1).saturating_mul(row_step).saturating_add(row);
+    if needed > data.len() as u64 {
+        return Err(format!(
+            "{width} x {height} points of {point_step} bytes need {needed} bytes of data, {} are there",
+            data.len()
+        ));
+    }
+    // All sizes are below data.len() from here on.
+    let mut sink = PointSink::sensor_frame();
+    sink.reserve(points);
+    for row_data in data.chunks(row_step as usize).take(height as usize) {
+        for record in row_data[..row as usize].chunks_exact(point_step as usize) {
+            sink.push(layout.read(record));
+        }
+    }
+    let (_, cloud, dropped) = sink.finish();
+    Ok(RosCloud { header, cloud, dropped })
+}
+
+/// Reads the field list; the inner error says that x, y or z is missing, which an empty cloud may do without.
+fn read_fields(cdr: &mut CdrReader<'_>) -> Result<Result<[(usize, Scalar); 3], String>, String> {
+    let n = cdr.u32()?;
+    if n > FIELD_LIMIT {
+        return Err(format!("{n} fields are declared, more than {FIELD_LIMIT}"));
+    }
+    let mut places: [Option<(usize, Scalar)>; 3] = [None; 3];
+    let mut names = Vec::new();
+    for _ in 0..n {
+        let name = cdr.string()?;
+        let offset = cdr.u32()?;
+        let datatype = cdr.u8()?;
+        let _count = cdr.u32()?;
+        if let Some(axis) = ["x", "y", "z"].iter().position(|a| *a == name)
+            && places[axis].is_none()
+        {
+            let scalar = scalar(datatype)
+                .ok_or_else(|| format!("field {name} has the datatype {datatype}, which is not known"))?;
+            places[axis] = Some((offset as usize, scalar));
+        }
+        names.push(name);
+    }
+    Ok(match places {
+        [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
+        _ => Err(format!("the fields are [{}]: x, y and z are needed", names.join(", "))),
+    })
+}
+
+/// The constants of `sensor_msgs/msg/PointField`.
+fn scalar(datatype: u8) -> Option<Scalar> {
+    Some(match datatype {
+        1 => Scalar::I8,
+        2 => Scalar::U8,
+        3 => Scalar::I16,
+        4 => Scalar::U16,
+        5 => Scalar::I32,
+        6 => Scalar::U32,
+        7 => Scalar::F32,
+        8 => Scalar::F64,
+        _ => return None,
+    })
+}
