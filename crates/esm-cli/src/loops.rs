@@ -41,6 +41,8 @@ pub(crate) fn run(args: LoopsArgs) -> anyhow::Result<Outcome> {
     let mut finder = LoopFinder::new(&config)?;
     let mut accumulator = Accumulator::new(config.accumulate.clone())?;
     let mut stretch = 0;
+    // The finder speaks of stamps; people and truth files of scans.
+    let mut numbers: Vec<(f64, usize)> = Vec::new();
     while let Some(frame) = frames.next()? {
         if std::mem::replace(&mut stretch, frame.stretch) != frame.stretch {
             accumulator = Accumulator::new(config.accumulate.clone())?;
@@ -48,6 +50,7 @@ pub(crate) fn run(args: LoopsArgs) -> anyhow::Result<Outcome> {
         let sweep = &frame.sweep;
         let Some(live) = accumulator.push(sweep.stamp, &sweep.cloud, sweep.pose_odom_sensor) else { continue };
         let (stamp, pose_odom_sensor) = (live.stamp, live.pose_odom_sensor);
+        numbers.push((stamp, frame.number));
         if let (Some(graph), Some(pose)) = (&mut graph, &pose_odom_sensor) {
             graph.vertex(stamp, pose)?;
         }
@@ -63,7 +66,10 @@ pub(crate) fn run(args: LoopsArgs) -> anyhow::Result<Outcome> {
             graph.closure(&closure)?;
         }
         lines.line(&match args.json {
-            true => loop_json(&localization, &closure, judgement.as_ref())?,
+            true => {
+                let from = numbers.iter().rfind(|n| n.0 == closure.stamp_from).map(|n| n.1);
+                loop_json(&localization, &closure, [from, Some(frame.number)], judgement.as_ref())?
+            }
             false => loop_row(&localization, &closure, judgement.as_ref()),
         })?;
     }

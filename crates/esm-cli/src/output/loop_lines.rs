@@ -6,15 +6,18 @@ use serde_json::json;
 use super::lines::{PoseText, timings_ms};
 use crate::truth::Judgement;
 
-/// The line of one closure; `judgement` where there is a truth.
+/// The line of one closure between two scans, numbered as by `--frames`; `judgement` where there is a truth.
 pub(crate) fn loop_json(
     result: &Localization,
     closure: &LoopClosure,
+    frames: [Option<usize>; 2],
     judgement: Option<&Judgement>,
 ) -> anyhow::Result<String> {
     let mut line = json!({
         "stamp_from": closure.stamp_from,
         "stamp_to": closure.stamp_to,
+        "frame_from": frames[0],
+        "frame_to": frames[1],
         "pose_from_to": PoseText::from(&closure.pose_from_to),
         "covariance": closure.covariance.as_ref().map(|c| c.as_slice()),
         "travel_m": result.travel_m,

@@ -8,8 +8,8 @@ use super::view::View;
 
 /// Edge of a drawn cell, pixels.
 const CELL_PX: f64 = 1.25;
-/// Points in a cell from which on each shade of [`STRUCTURE`] is used.
-const SHADES: [u32; 3] = [1, 3, 8];
+/// Shares of the cells with points above which the second and the third shade of [`STRUCTURE`] are used.
+const DARKER: [f64; 2] = [0.5, 0.85];
 
 /// Draws ground and structures.
 pub(crate) fn draw(map: &Map, view: &View) -> anyhow::Result<Group> {
@@ -26,9 +26,10 @@ pub(crate) fn draw(map: &Map, view: &View) -> anyhow::Result<Group> {
     }
     let mut group = Group::new().set("shape-rendering", "crispEdges");
     group = group.add(ground.shade(GROUND, |n| n > 0));
-    for (i, colour) in STRUCTURE.into_iter().enumerate() {
-        let next = SHADES.get(i + 1).copied().unwrap_or(u32::MAX);
-        group = group.add(structure.shade(colour, |n| n >= SHADES[i] && n < next));
+    let [middle, dark] = DARKER.map(|share| structure.quantile(share));
+    let shades = [1..=middle, middle + 1..=dark.max(middle), dark.max(middle) + 1..=u32::MAX];
+    for (colour, counts) in STRUCTURE.into_iter().zip(shades) {
+        group = group.add(structure.shade(colour, |n| counts.contains(&n)));
     }
     Ok(group)
 }
@@ -60,6 +61,13 @@ impl<'a> Cells<'a> {
                 *n += 1;
             }
         }
+    }
+
+    /// The count that a share of the cells with points does not exceed.
+    fn quantile(&self, share: f64) -> u32 {
+        let mut filled: Vec<u32> = self.counts.iter().copied().filter(|n| *n > 0).collect();
+        filled.sort_unstable();
+        filled.get((share * filled.len() as f64) as usize).copied().unwrap_or(1)
     }
 
     /// One path of the runs of cells that are chosen.

@@ -6,7 +6,7 @@ pub(crate) const WIDTH: f64 = 1600.0;
 /// Highest and lowest drawing area, pixels.
 pub(crate) const AREA_HEIGHT: (f64, f64) = (520.0, 1500.0);
 /// Around the drawing area: left, top, right, bottom, pixels.
-pub(crate) const MARGIN: [f64; 4] = [104.0, 122.0, 36.0, 158.0];
+pub(crate) const MARGIN: [f64; 4] = [104.0, 122.0, 36.0, 134.0];
 
 pub(crate) const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
 pub(crate) const TITLE_PX: f64 = 30.0;
@@ -18,9 +18,9 @@ pub(crate) const INK: &str = "#1b1f24";
 pub(crate) const FAINT_INK: &str = "#5c6670";
 pub(crate) const FRAME: &str = "#9aa4ae";
 pub(crate) const GRID: &str = "#eceff2";
-/// Ground, then structures from a few to many points a pixel.
+/// Ground, then structures from few to many points.
 pub(crate) const GROUND: &str = "#ebe8e2";
-pub(crate) const STRUCTURE: [&str; 3] = ["#c3c8cd", "#9aa1a8", "#6a727a"];
+pub(crate) const STRUCTURE: [&str; 3] = ["#c9ced3", "#a7aeb5", "#7d858d"];
 pub(crate) const MAPPED_PATH: &str = "#9fcbea";
 pub(crate) const MAPPED_PATH_PX: f64 = 9.0;
 pub(crate) const DRIVE: &str = "#3c434a";
