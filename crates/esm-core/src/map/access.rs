@@ -33,6 +33,14 @@ impl Map {
         self.run_points(self.ground_tiles(), "ground tile", tile, points)
     }
 
+    /// One structure tile's points, metres, relative to the origin, replacing the contents of `points`.
+    ///
+    /// # Errors
+    /// As [`segment_points`](Self::segment_points).
+    pub fn structure_tile_points_into(&self, tile: usize, points: &mut Vec<[f32; 3]>) -> Result<(), Error> {
+        self.run_points(self.structure_tiles(), "structure tile", tile, points)
+    }
+
     /// Verifies all point blocks not yet verified, on all threads. Nothing to do for a map in memory.
     ///
     /// # Errors

@@ -108,9 +108,10 @@ fn runs(map: &Map, n: usize) -> Check {
     };
     first_bad("segment's point run", map.runs(), is_sound)?;
     first_bad("ground tile's point run", map.ground_tiles(), is_sound)?;
+    first_bad("structure tile's point run", map.structure_tiles(), is_sound)?;
     // Runs that share points would let a small file stand for any amount of work.
-    let listed: u64 =
-        map.runs().iter().chain(map.ground_tiles()).map(|r| r.len as u64).fold(0, u64::saturating_add);
+    let runs = map.runs().iter().chain(map.ground_tiles()).chain(map.structure_tiles());
+    let listed: u64 = runs.map(|r| r.len as u64).fold(0, u64::saturating_add);
     match listed > points {
         true => bad(format!("the point runs list {listed} points, the map holds {points}")),
         false => Ok(()),

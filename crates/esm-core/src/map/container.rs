@@ -50,6 +50,7 @@ pub struct Map {
     pub(super) quality: Column<f32>,
     pub(super) runs: Column<PointRun>,
     pub(super) ground: Column<PointRun>,
+    pub(super) structure: Column<PointRun>,
     pub(super) path: Column<[f64; 3]>,
     pub(super) coverage: Column<[i32; 2]>,
     pub(super) points: Column<[u16; 3]>,
@@ -95,6 +96,7 @@ impl Map {
             quality: data.quality.into(),
             runs: data.runs.into(),
             ground: data.ground_tiles.into(),
+            structure: data.structure_tiles.into(),
             path: data.path.into(),
             coverage: data.coverage.into(),
             points: data.points.into(),
@@ -201,7 +203,12 @@ impl Map {
         &self.ground
     }
 
-    /// Number of points, segments' and ground's.
+    /// Where each structure tile's points are.
+    pub fn structure_tiles(&self) -> &[PointRun] {
+        &self.structure
+    }
+
+    /// Number of points, of segments and tiles.
     pub fn point_count(&self) -> usize {
         self.points.len()
     }

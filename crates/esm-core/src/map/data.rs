@@ -40,6 +40,8 @@ pub struct MapData {
     pub runs: Vec<PointRun>,
     /// Where each ground tile's points are.
     pub ground_tiles: Vec<PointRun>,
+    /// Where each structure tile's points are: all that stands on the ground, whether in a segment or not.
+    pub structure_tiles: Vec<PointRun>,
     /// The points of all runs, quantised.
     pub points: Vec<[u16; 3]>,
     /// The path the map was recorded along: positions in the map frame, metres. Empty for a map of a prior cloud.
@@ -68,6 +70,7 @@ impl MapData {
             quality: Vec::new(),
             runs: Vec::new(),
             ground_tiles: Vec::new(),
+            structure_tiles: Vec::new(),
             points: Vec::new(),
             path: Vec::new(),
             coverage: Vec::new(),
@@ -98,6 +101,16 @@ impl MapData {
     pub fn push_ground_tile(&mut self, points: &[[f32; 3]]) -> Result<(), Error> {
         let run = self.push_run(points)?;
         self.ground_tiles.push(run);
+        Ok(())
+    }
+
+    /// Adds the points above the ground of one tile, relative to the origin.
+    ///
+    /// # Errors
+    /// As [`push_segment`](Self::push_segment).
+    pub fn push_structure_tile(&mut self, points: &[[f32; 3]]) -> Result<(), Error> {
+        let run = self.push_run(points)?;
+        self.structure_tiles.push(run);
         Ok(())
     }
 

@@ -76,6 +76,7 @@ pub(super) const DESCRIPTORS: Kind = kind::<f32>(b"DESC", "descriptors");
 pub(super) const QUALITY: Kind = kind::<f32>(b"QUAL", "descriptor quality");
 pub(super) const RUNS: Kind = kind::<PointRun>(b"SRUN", "segments' point runs");
 pub(super) const GROUND: Kind = kind::<PointRun>(b"GRUN", "ground tiles' point runs");
+pub(super) const STRUCTURE: Kind = kind::<PointRun>(b"TRUN", "structure tiles' point runs");
 pub(super) const PATH: Kind = kind::<[f64; 3]>(b"PATH", "mapped path");
 pub(super) const COVERAGE: Kind = kind::<[i32; 2]>(b"COVR", "covered cells");
 pub(super) const BLOCK_CRCS: Kind = kind::<u32>(b"PCRC", "point block checksums");
@@ -83,7 +84,7 @@ pub(super) const POINTS: Kind =
     Kind { id: *b"PNTS", row_len: size_of::<[u16; 3]>(), flags: FLAG_REQUIRED | FLAG_BLOCKS, what: "points" };
 
 /// All of them.
-pub(super) const KINDS: [&Kind; 15] = [
+pub(super) const KINDS: [&Kind; 16] = [
     &META,
     &FRAME,
     &DESCRIPTOR,
@@ -95,6 +96,7 @@ pub(super) const KINDS: [&Kind; 15] = [
     &QUALITY,
     &RUNS,
     &GROUND,
+    &STRUCTURE,
     &PATH,
     &COVERAGE,
     &BLOCK_CRCS,

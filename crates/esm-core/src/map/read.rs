@@ -48,6 +48,7 @@ fn read(file: &Arc<Mmap>, path: &Path) -> Result<Map, Problem> {
         quality: found.column(&QUALITY)?,
         runs: found.column(&RUNS)?,
         ground: found.column(&GROUND)?,
+        structure: found.column(&STRUCTURE)?,
         path: found.column(&PATH)?,
         coverage: found.column(&COVERAGE)?,
         points: found.column(&POINTS)?,

@@ -77,6 +77,7 @@ fn bodies<'a>(map: &'a Map, crcs: &[u32]) -> [(&'static Kind, Cow<'a, [u8]>); KI
         (&QUALITY, rows(&map.quality)),
         (&RUNS, rows(&map.runs)),
         (&GROUND, rows(&map.ground)),
+        (&STRUCTURE, rows(&map.structure)),
         (&PATH, rows(&map.path)),
         (&COVERAGE, rows(&map.coverage)),
         (&BLOCK_CRCS, Cow::Owned(cast_slice(crcs).to_vec())),

@@ -217,6 +217,11 @@ const VALUES: &[Case] = &[
     ("run reserved", |b| field(b, "SRUN", 28, &[1]), "segment's point run 0 is out of range"),
     ("ground run", |b| field(b, "GRUN", 0, &6u64.to_le_bytes()), "ground tile's point run 0 is out of range"),
     (
+        "structure run",
+        |b| field(b, "TRUN", 0, &7u64.to_le_bytes()),
+        "structure tile's point run 0 is out of range",
+    ),
+    (
         "shared points",
         |b| {
             field(b, "SRUN", 0, &0u64.to_le_bytes());

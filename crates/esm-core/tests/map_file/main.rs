@@ -27,6 +27,7 @@ fn small_data() -> MapData {
     data.push_segment(&tree, 1).unwrap();
     data.push_segment(&wall, 7).unwrap();
     data.push_ground_tile(&[[0.0, 0.0, -1.7], [4.0, 0.5, -1.6]]).unwrap();
+    data.push_structure_tile(&[[1.0, 0.0, 0.2]]).unwrap();
     data.descriptors = vec![0.5, -0.5, 1.0, -0.25, 0.0, 2.0];
     data.quality = vec![1.0, 0.25];
     data.standardizer = Some(Standardizer { mean: vec![1.0, 2.0, 3.0], inv_std: vec![0.5, 0.0, 4.0] });

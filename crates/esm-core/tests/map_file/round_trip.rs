@@ -19,6 +19,7 @@ fn assert_same(a: &Map, b: &Map) {
     assert_eq!(a.quality(), b.quality());
     assert_eq!(a.runs(), b.runs());
     assert_eq!(a.ground_tiles(), b.ground_tiles());
+    assert_eq!(a.structure_tiles(), b.structure_tiles());
     assert_eq!(a.point_count(), b.point_count());
     assert_eq!(a.path(), b.path());
     assert_eq!(a.coverage(), b.coverage());
@@ -60,6 +61,7 @@ prop_compose! {
         }
         for points in &ground {
             data.push_ground_tile(points).unwrap();
+            data.push_structure_tile(points).unwrap();
         }
         let (n, d) = (segments.len(), dim as usize);
         data.descriptors = numbers[..n * d].to_vec();
