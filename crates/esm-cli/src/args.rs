@@ -1,0 +1,218 @@
+//! The command line as it is typed. Nothing here is checked beyond its spelling; see [`crate::settings`].
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueHint};
+use clap_complete::Shell;
+
+use crate::inputs::FrameRange;
+
+/// Find a robot in a prior map from LiDAR alone, on a CPU, and say honestly when it cannot be found.
+#[derive(Debug, Parser)]
+#[command(name = "esm-cli", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(after_help = EXIT_CODES)]
+pub struct Cli {
+    /// More to read on stderr; twice for every detail
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet")]
+    verbose: u8,
+    /// Only errors on stderr, and no progress bars
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// What to do
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 done; 1 ran, but localized nothing; 2 error; 130 interrupted.
+Data goes to stdout, logs and progress bars to stderr.";
+
+impl Cli {
+    /// How much to say on stderr: -1 only errors, 0 warnings, 1 what happens, 2 every detail.
+    pub fn verbosity(&self) -> i8 {
+        if self.quiet { -1 } else { self.verbose.min(2) as i8 }
+    }
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Build a map, or look into one
+    Map {
+        /// Build or look
+        #[command(subcommand)]
+        command: MapCommand,
+    },
+    /// Say, cloud by cloud, where in a map a recording was made
+    Localize(LocalizeArgs),
+    /// Find loop closures inside one recording
+    Loops(LoopsArgs),
+    /// Print the default configuration as commented TOML
+    Config,
+    /// Print a completion script
+    Completions {
+        /// Of this shell
+        shell: Shell,
+    },
+    /// Print the manual page, or write one page for every command
+    Man {
+        /// Write the pages into this directory
+        #[arg(short = 'o', long = "output", value_name = "DIR", value_hint = ValueHint::DirPath)]
+        dir: Option<PathBuf>,
+    },
+}
+
+/// `esm-cli map ...`
+#[derive(Debug, Subcommand)]
+pub enum MapCommand {
+    /// Build a map from posed recordings, or from one prior cloud
+    Build(BuildArgs),
+    /// Say what a map holds
+    Info(InfoArgs),
+}
+
+/// `esm-cli map build ...`
+#[derive(Debug, Args)]
+pub struct BuildArgs {
+    /// Recordings (.mcap), directories of scans, or one prior cloud (.las .laz .pcd .ply)
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::AnyPath)]
+    pub inputs: Vec<PathBuf>,
+    /// Where to write the map
+    #[arg(short, long, value_name = "MAP.esm", value_hint = ValueHint::FilePath)]
+    pub output: PathBuf,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub read: ReadArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tune: TuneArgs,
+}
+
+/// `esm-cli map info ...`
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// The map
+    #[arg(value_name = "MAP.esm", value_hint = ValueHint::FilePath)]
+    pub map: PathBuf,
+    /// Verify every byte, the points included
+    #[arg(long)]
+    pub check: bool,
+    /// One JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `esm-cli localize ...`
+#[derive(Debug, Args)]
+pub struct LocalizeArgs {
+    /// Recordings (.mcap), directories of scans, or single scans
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::AnyPath)]
+    pub inputs: Vec<PathBuf>,
+    /// The map to search
+    #[arg(short, long, value_name = "MAP.esm", value_hint = ValueHint::FilePath)]
+    pub map: PathBuf,
+    /// Every cloud for itself: no motion prior, no result or descriptor kept from earlier clouds
+    #[arg(long)]
+    pub single: bool,
+    /// Where the sensor truly was, in the map frame: a TUM file, or an .mcap with odometry
+    #[arg(long, value_name = "FILE.tum", value_hint = ValueHint::FilePath)]
+    pub truth: Option<PathBuf>,
+    /// One JSON object a line and cloud, and a summary
+    #[arg(long)]
+    pub json: bool,
+    /// Write the located poses: .tum (text) or .mcap (geometry_msgs/PoseWithCovarianceStamped)
+    #[arg(short, long, value_name = "FILE.tum|FILE.mcap", value_hint = ValueHint::FilePath)]
+    pub output: Option<PathBuf>,
+    /// Draw the map from above with the drive and its matches
+    #[arg(long, value_name = "FILE.png|FILE.svg", value_hint = ValueHint::FilePath)]
+    pub plot: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub live: LiveArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub read: ReadArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tune: TuneArgs,
+}
+
+/// `esm-cli loops ...`
+#[derive(Debug, Args)]
+pub struct LoopsArgs {
+    /// One recording (.mcap, possibly in several files) or a directory of scans, with its motion
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::AnyPath)]
+    pub inputs: Vec<PathBuf>,
+    /// Where the sensor truly was, in any one frame: a TUM file, or an .mcap with odometry
+    #[arg(long, value_name = "FILE.tum", value_hint = ValueHint::FilePath)]
+    pub truth: Option<PathBuf>,
+    /// One JSON object a line and closure, and a summary
+    #[arg(long)]
+    pub json: bool,
+    /// Write the pose graph: odometry and loop edges
+    #[arg(short, long, value_name = "FILE.g2o", value_hint = ValueHint::FilePath)]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub live: LiveArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub read: ReadArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tune: TuneArgs,
+}
+
+/// How live clouds are put together.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Live clouds")]
+pub struct LiveArgs {
+    /// Metres of travel a live cloud holds; 0 makes every sweep a cloud of its own
+    #[arg(long, value_name = "D")]
+    pub accumulate: Option<f64>,
+    /// Clouds that do not overlap, one every D metres
+    #[arg(long)]
+    pub swathes: bool,
+}
+
+/// What to read.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Reading")]
+pub struct ReadArgs {
+    /// Poses of the scans: a TUM file (by time stamp) or a KITTI file (one line a scan)
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub poses: Option<PathBuf>,
+    /// Only these scans, counted from 1 over all inputs
+    #[arg(long, value_name = "A-B[,C-D]", value_delimiter = ',')]
+    pub frames: Vec<FrameRange>,
+    /// Only from this many seconds after the first scan
+    #[arg(long, value_name = "S")]
+    pub from: Option<f64>,
+    /// Only up to this many seconds after the first scan
+    #[arg(long, value_name = "S")]
+    pub to: Option<f64>,
+    /// Topic of the point clouds
+    #[arg(long, value_name = "TOPIC")]
+    pub cloud_topic: Option<String>,
+    /// Topic of the sensor's motion (Odometry, PoseStamped or TFMessage)
+    #[arg(long, value_name = "TOPIC")]
+    pub odometry_topic: Option<String>,
+}
+
+/// How to work.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Method")]
+pub struct TuneArgs {
+    /// Descriptor of the segments: shape or eigen [default: shape]
+    #[arg(long, value_name = "NAME")]
+    pub descriptor: Option<String>,
+    /// Worker threads; the results do not depend on it [default: one a core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Configuration; `esm-cli config` prints one with every key
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub config: Option<PathBuf>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+}

@@ -1,0 +1,114 @@
+//! `esm-cli map build`.
+
+use std::path::Path;
+
+use esm_core::{Accumulator, Config, Map, MapBuilder};
+use esm_io::InputKind;
+
+use crate::args::{BuildArgs, LiveArgs};
+use crate::inputs::Frames;
+use crate::outcome::{Failure, Outcome};
+use crate::output::{Format, check_target, data};
+use crate::signals::Unfinished;
+use crate::{console, info, memory, settings};
+
+const FORMATS: &[Format] = &[Format { extension: ".esm" }];
+
+pub(crate) fn run(args: BuildArgs) -> anyhow::Result<Outcome> {
+    let started = std::time::Instant::now();
+    Format::of(&args.output, FORMATS)?;
+    check_target(&args.output, &args.inputs)?;
+    let config = settings::configure(&args.tune, &LiveArgs::default())?;
+    let kinds = args.inputs.iter().map(esm_io::classify).collect::<Result<Vec<_>, _>>()?;
+    let builder = match (&args.inputs[..], kinds.contains(&InputKind::PriorCloud)) {
+        ([cloud], true) => from_prior_cloud(cloud, &args, &config)?,
+        (_, false) => from_recordings(&args, &config)?,
+        (_, true) => {
+            return Err(Failure::new(
+                "a map is built from recordings, or from one prior cloud",
+                "put scans into a directory and give it with --poses, or give the one cloud alone",
+            )
+            .into());
+        }
+    };
+    let bar = console::bar("describing the map", None);
+    let map = builder.finish().map_err(|e| anyhow::Error::new(e).context(names(&args)))?;
+    bar.set_message("writing the map");
+    {
+        let _unfinished = Unfinished::begin();
+        map.write(&args.output)?;
+    }
+    bar.finish_and_clear();
+    report(&args.output, &map, started)
+}
+
+/// Segments of overlapping windows along the recorded path.
+fn from_recordings(args: &BuildArgs, config: &Config) -> anyhow::Result<MapBuilder> {
+    let mut builder = MapBuilder::new(config)?;
+    builder.set_source(&names(args));
+    let mut frames = Frames::open(&args.inputs, &args.read, "building the map")?;
+    if !frames.has_motion() {
+        return Err(Failure::new(
+            format!("{}: nothing tells where the scans were taken", names(args)),
+            "give their poses with --poses FILE (TUM or KITTI), or name the topic with --odometry-topic",
+        )
+        .into());
+    }
+    let mut accumulator = Accumulator::new(config.accumulate.clone())?;
+    let (mut stretch, mut posed) = (0, 0);
+    while let Some(frame) = frames.next()? {
+        if std::mem::replace(&mut stretch, frame.stretch) != frame.stretch {
+            accumulator = Accumulator::new(config.accumulate.clone())?;
+        }
+        // The reader tells how many have none.
+        let Some(pose_map_sensor) = frame.sweep.pose_odom_sensor else { continue };
+        posed += 1;
+        if let Some(live) = accumulator.push(frame.sweep.stamp, &frame.sweep.cloud, Some(pose_map_sensor)) {
+            builder.push(&live, &pose_map_sensor)?;
+        }
+    }
+    if posed == 0 {
+        return Err(Failure::new(
+            format!("{}: no scan has a pose", names(args)),
+            "the poses must cover the time of the scans; compare their stamps",
+        )
+        .into());
+    }
+    Ok(builder)
+}
+
+/// One survey, already in the map frame.
+fn from_prior_cloud(path: &Path, args: &BuildArgs, config: &Config) -> anyhow::Result<MapBuilder> {
+    if args.read.poses.is_some() || !args.read.frames.is_empty() || args.read.from.is_some() || args.read.to.is_some() {
+        return Err(Failure::new(
+            format!("{}: one prior cloud has neither poses nor frames", path.display()),
+            "leave out --poses, --frames, --from and --to, or give a directory of scans",
+        )
+        .into());
+    }
+    let bar = console::bar("reading the cloud", None);
+    let prior = esm_io::read_prior_cloud(path)?;
+    if prior.dropped > 0 {
+        tracing::warn!("{}: {} invalid points were left out", path.display(), prior.dropped);
+    }
+    let mut builder = MapBuilder::new(config)?;
+    builder.set_source(&names(args));
+    bar.set_message("cutting it into segments");
+    builder.push_prior_cloud(prior.origin, &prior.cloud)?;
+    bar.finish_and_clear();
+    Ok(builder)
+}
+
+/// File names without their folders, as the map remembers them.
+fn names(args: &BuildArgs) -> String {
+    let name = |p: &std::path::PathBuf| p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned());
+    args.inputs.iter().map(name).collect::<Vec<_>>().join(", ")
+}
+
+fn report(path: &Path, map: &Map, started: std::time::Instant) -> anyhow::Result<Outcome> {
+    let memory = memory::peak_mib().map_or_else(|| "unknown".to_owned(), |m| format!("{m:.0} MiB"));
+    let elapsed = started.elapsed().as_secs_f64();
+    let text = format!("{}\nbuilt in           {elapsed:.1} s, peak memory {memory}\n", info::table(path, map));
+    data(text.as_bytes())?;
+    Ok(Outcome::Done)
+}

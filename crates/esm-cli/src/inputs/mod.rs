@@ -1,0 +1,10 @@
+//! What is read: scans one after the other, from any number of inputs.
+
+mod frames;
+mod select;
+mod truth_file;
+
+pub(crate) use frames::Frames;
+pub use select::FrameRange;
+pub(crate) use select::Selection;
+pub(crate) use truth_file::read_truth;

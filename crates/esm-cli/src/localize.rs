@@ -1,0 +1,186 @@
+//! `esm-cli localize`.
+
+use std::sync::Arc;
+
+use esm_core::map::COVERAGE_CELL_M;
+use esm_core::{Accumulator, Config, Localization, Localizer, Map, Verdict};
+use serde_json::json;
+
+use crate::args::LocalizeArgs;
+use crate::inputs::{Frames, read_truth};
+use crate::outcome::Outcome;
+use crate::output::summary::{StageTimes, Summary};
+use crate::output::{Lines, PoseWriter, check_target, json_line, table_header, table_line};
+use crate::plot::{self, Caption, Drive};
+use crate::settings;
+use crate::truth::{Judgement, Places, Tally, Trajectory};
+
+pub(crate) fn run(args: LocalizeArgs) -> anyhow::Result<Outcome> {
+    check_outputs(&args)?;
+    let mut config = settings::configure(&args.tune, &args.live)?;
+    let map = Arc::new(Map::open(&args.map)?);
+    warn_of_other_segments(&map, &config);
+    let truth = args.truth.as_deref().map(read_truth).transpose()?;
+    let mut frames = Frames::open(&args.inputs, &args.read, "localizing")?;
+    if !frames.has_motion() && config.accumulate.distance_m > 0.0 {
+        tracing::warn!("the input does not tell how the sensor moved: every scan is localized by itself");
+        config.accumulate.distance_m = 0.0;
+        config.accumulate.swathes = false;
+    }
+    let mut run = Run::start(&args, &config, &map, truth)?;
+    let mut accumulator = Accumulator::new(config.accumulate.clone())?;
+    let mut stretch = 0;
+    while let Some(frame) = frames.next()? {
+        if std::mem::replace(&mut stretch, frame.stretch) != frame.stretch {
+            accumulator = Accumulator::new(config.accumulate.clone())?;
+        }
+        let sweep = &frame.sweep;
+        if let Some(live) = accumulator.push(sweep.stamp, &sweep.cloud, sweep.pose_odom_sensor) {
+            let result = run.localizer.localize(&live)?;
+            run.take(&result, sweep.stamp_ns, stretch, live.pose_odom_sensor)?;
+        }
+    }
+    // A damaged block that no cloud needed is damage all the same.
+    map.verify_points()?;
+    run.finish()
+}
+
+/// Refuses, before any work, outputs that cannot be written.
+fn check_outputs(args: &LocalizeArgs) -> anyhow::Result<()> {
+    let mut read = args.inputs.clone();
+    read.push(args.map.clone());
+    read.extend(args.truth.iter().chain(&args.read.poses).chain(&args.tune.config).cloned());
+    if let Some(path) = &args.output {
+        PoseWriter::check_format(path)?;
+        check_target(path, &read)?;
+    }
+    if let Some(path) = &args.plot {
+        plot::check_format(path)?;
+        check_target(path, &read)?;
+    }
+    Ok(())
+}
+
+/// Segments that are cut in another way do not match.
+fn warn_of_other_segments(map: &Map, config: &Config) {
+    // Settings of another version may not be readable; the descriptor's version is what must agree.
+    let Ok(built) = toml::from_str::<Config>(map.settings()) else { return };
+    if built.segment != config.segment {
+        tracing::warn!("the map was built with another [segment] configuration: expect fewer clouds to be located");
+    }
+}
+
+/// Everything that results go into.
+struct Run<'a> {
+    args: &'a LocalizeArgs,
+    map: Arc<Map>,
+    localizer: Localizer,
+    truth: Option<(Trajectory, Places)>,
+    accumulate_m: f64,
+    lines: Lines,
+    poses: Option<PoseWriter>,
+    drive: Option<Drive>,
+    tally: Tally,
+    times: StageTimes,
+}
+
+impl<'a> Run<'a> {
+    fn start(
+        args: &'a LocalizeArgs,
+        config: &Config,
+        map: &Arc<Map>,
+        truth: Option<Trajectory>,
+    ) -> anyhow::Result<Self> {
+        let places = match map.path() {
+            [] => Places::in_cells(COVERAGE_CELL_M, map.coverage()),
+            path => Places::along(path),
+        };
+        let mut run = Self {
+            args,
+            map: Arc::clone(map),
+            localizer: Localizer::new(Arc::clone(map), config)?,
+            truth: truth.map(|t| (t, places)),
+            accumulate_m: config.accumulate.distance_m,
+            lines: Lines::new(args.output.is_none() && args.plot.is_none()),
+            poses: args.output.as_deref().map(|p| PoseWriter::create(p, map.frame_id())).transpose()?,
+            drive: args.plot.is_some().then(Drive::default),
+            tally: Tally::default(),
+            times: StageTimes::start(),
+        };
+        if !args.json {
+            run.lines.line(&table_header(run.truth.is_some()))?;
+        }
+        Ok(run)
+    }
+
+    fn take(
+        &mut self,
+        result: &Localization,
+        stamp_ns: i64,
+        stretch: usize,
+        pose_odom_sensor: Option<esm_core::Pose>,
+    ) -> anyhow::Result<()> {
+        let judgement = self.truth.as_ref().map(|(truth, places)| Judgement::of(result, truth, places));
+        let judgement = judgement.as_ref();
+        self.tally.add(result, judgement, self.accumulate_m);
+        self.times.add(&result.timings);
+        if let Some(drive) = &mut self.drive {
+            drive.push(result, stretch, pose_odom_sensor, judgement);
+        }
+        if let (Some(writer), Verdict::Located, Some(pose)) = (&mut self.poses, result.verdict, &result.pose_map_sensor)
+        {
+            writer.write(stamp_ns, pose, result.covariance.as_ref())?;
+        }
+        let line = match self.args.json {
+            true => json_line(result, judgement)?,
+            false => table_line(result, judgement),
+        };
+        self.lines.line(&line)
+    }
+
+    fn finish(mut self) -> anyhow::Result<Outcome> {
+        if let Some(writer) = self.poses.take() {
+            writer.finish()?;
+        }
+        if let (Some(drive), Some(path)) = (&self.drive, &self.args.plot) {
+            plot::write(path, &self.map, drive, &self.caption())?;
+        }
+        let summary = Summary {
+            tally: &self.tally,
+            times: &self.times,
+            with_truth: self.truth.is_some(),
+            accumulate_m: self.accumulate_m,
+        };
+        self.lines.line(&match self.args.json {
+            true => json!({ "summary": summary.json() }).to_string(),
+            false => format!("\n{}", summary.table()),
+        })?;
+        Ok(if self.tally.located > 0 { Outcome::Done } else { Outcome::NothingLocalized })
+    }
+
+    fn caption(&self) -> Caption {
+        let name = |p: &std::path::Path| p.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let inputs: Vec<String> = self.args.inputs.iter().map(|p| name(p)).collect();
+        let t = &self.tally;
+        let mut figures = vec![format!("{} of {} clouds located", t.located, t.clouds)];
+        if let Some(recall) = t.recall() {
+            figures.push(format!("recall {:.1} %", 100.0 * recall));
+            figures.push(format!("{} false", t.wrong));
+        }
+        if let (Some(m), Some(deg)) = (t.errors_m.at(0.5), t.errors_deg.at(0.5)) {
+            figures.push(format!("median error {m:.2} m, {deg:.2}°"));
+        }
+        if self.accumulate_m > 0.0 {
+            figures.push(format!("{} m a cloud", self.accumulate_m));
+        } else {
+            figures.push("single sweeps".to_owned());
+        }
+        if let Some(ms) = self.times.total_p50() {
+            figures.push(format!("{ms:.0} ms a cloud"));
+        }
+        Caption {
+            title: format!("{} in {}", inputs.join(", "), name(&self.args.map)),
+            figures: figures.join("  \u{b7}  "),
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! How a run ends: exit codes, and errors as people read them.
+
+use std::fmt;
+use std::process::ExitCode;
+
+use crate::console;
+use crate::signals::{self, Interrupted};
+
+/// How a run ended that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Exit code 0.
+    Done,
+    /// It ran, but localized nothing: exit code 1.
+    NothingLocalized,
+}
+
+const CODE_NOTHING: u8 = 1;
+const CODE_ERROR: u8 = 2;
+
+/// An error of the command line's own, with what to do about it.
+#[derive(Debug)]
+pub struct Failure {
+    what: String,
+    hint: String,
+}
+
+impl Failure {
+    /// `what` names the file or flag and the place; `hint` what to do.
+    pub fn new(what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self { what: what.into(), hint: hint.into() }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}\nhint: {}", self.what, self.hint)
+    }
+}
+
+impl std::error::Error for Failure {}
+
+/// The exit code of a run; an error is told on stderr first.
+pub fn exit(result: anyhow::Result<Outcome>) -> ExitCode {
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::NothingLocalized) => ExitCode::from(CODE_NOTHING),
+        // Whoever read our output has seen enough.
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) if error.is::<Interrupted>() => {
+            console::say("interrupted");
+            ExitCode::from(signals::CODE_INTERRUPTED)
+        }
+        Err(error) => {
+            console::say(&message(&error));
+            ExitCode::from(CODE_ERROR)
+        }
+    }
+}
+
+/// The exit code after the arguments were refused, or after help or version were asked for.
+pub fn usage(refusal: &clap::Error) -> ExitCode {
+    // Nothing is left to be done about an unwritable terminal here.
+    let _ = refusal.print();
+    if refusal.use_stderr() { ExitCode::from(CODE_ERROR) } else { ExitCode::SUCCESS }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| cause.is::<crate::output::StdoutClosed>())
+}
+
+/// One line `error: CONTEXT: CAUSE`, and the hints after it.
+fn message(error: &anyhow::Error) -> String {
+    let (mut line, mut hints) = (String::from("error"), Vec::new());
+    for cause in error.chain() {
+        let text = cause.to_string();
+        let (what, hint) = match text.split_once("\nhint: ") {
+            Some((what, hint)) => (what, Some(hint.to_owned())),
+            None => (text.as_str(), None),
+        };
+        // Some libraries put their cause into their own text as well.
+        if !line.contains(what) {
+            line.push_str(": ");
+            line.push_str(what);
+        }
+        hints.extend(hint.filter(|h| !hints.contains(h)));
+    }
+    for hint in hints {
+        line.push_str("\nhint: ");
+        line.push_str(&hint);
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::Context;
+
+    use super::*;
+
+    #[test]
+    fn a_message_is_one_line_and_its_hints() {
+        let error = anyhow::Error::new(Failure::new("a.pcd: line 3: no FIELDS", "is it a PCD file?"));
+        let error = Err::<(), _>(error).context("reading the map").unwrap_err();
+        assert_eq!(
+            message(&error),
+            "error: reading the map: a.pcd: line 3: no FIELDS\nhint: is it a PCD file?"
+        );
+    }
+
+    #[test]
+    fn a_cause_that_is_told_already_is_not_told_again() {
+        #[derive(Debug)]
+        struct Outer(std::io::Error);
+        impl fmt::Display for Outer {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "m.esm: opening it: {}", self.0)
+            }
+        }
+        impl std::error::Error for Outer {
+            fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+                Some(&self.0)
+            }
+        }
+        let error = anyhow::Error::new(Outer(std::io::Error::other("it is gone")));
+        assert_eq!(message(&error), "error: m.esm: opening it: it is gone");
+    }
+}

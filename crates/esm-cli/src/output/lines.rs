@@ -1,0 +1,201 @@
+//! One result a line: JSON for programs, a table for people.
+
+use esm_core::{Localization, Pose, Timings};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use crate::truth::Judgement;
+
+/// A pose as written in results: position in metres, quaternion x y z w.
+#[derive(Serialize)]
+pub(crate) struct PoseText {
+    t: [f64; 3],
+    q: [f64; 4],
+}
+
+impl From<&Pose> for PoseText {
+    fn from(pose: &Pose) -> Self {
+        let (t, q) = (pose.translation.vector, pose.rotation.coords);
+        Self { t: t.into(), q: [q.x, q.y, q.z, q.w] }
+    }
+}
+
+/// Keys in the order of the contract.
+#[derive(Serialize)]
+struct Line<'a> {
+    stamp: f64,
+    verdict: &'static str,
+    reason: Option<&'a str>,
+    pose: Option<PoseText>,
+    covariance: Option<&'a [f64]>,
+    travel_m: f64,
+    segments: usize,
+    described: usize,
+    inliers: usize,
+    score: f64,
+    runner_up: f64,
+    timings_ms: Map<String, Value>,
+    #[serde(flatten)]
+    judged: Option<Judged>,
+}
+
+#[derive(Serialize)]
+struct Judged {
+    error_m: Option<f64>,
+    error_deg: Option<f64>,
+    localizable: Option<bool>,
+}
+
+/// The line of one cloud; `judgement` where there is a truth.
+pub(crate) fn json_line(result: &Localization, judgement: Option<&Judgement>) -> anyhow::Result<String> {
+    let line = Line {
+        stamp: result.stamp,
+        verdict: result.verdict.as_str(),
+        reason: result.reason.as_deref(),
+        pose: result.pose_map_sensor.as_ref().map(PoseText::from),
+        covariance: result.covariance.as_ref().map(|c| c.as_slice()),
+        travel_m: result.travel_m,
+        segments: result.segments,
+        described: result.described,
+        inliers: result.inliers,
+        score: result.score,
+        runner_up: result.runner_up,
+        timings_ms: timings_ms(&result.timings),
+        judged: judgement.map(|j| Judged {
+            error_m: j.error.map(|e| e.m),
+            error_deg: j.error.map(|e| e.deg),
+            localizable: j.localizable,
+        }),
+    };
+    Ok(serde_json::to_string(&line)?)
+}
+
+/// The stages in the pipeline's order, and their sum.
+pub(crate) fn timings_ms(timings: &Timings) -> Map<String, Value> {
+    // Rounded to a microsecond: the clock knows no more.
+    let ms = |d: std::time::Duration| json!((d.as_secs_f64() * 1e6).round() / 1e3);
+    let stages = timings.stages();
+    let mut all: Map<String, Value> = stages.iter().map(|(name, d)| ((*name).to_owned(), ms(*d))).collect();
+    all.insert("total".to_owned(), ms(timings.total()));
+    all
+}
+
+/// The head of the table.
+pub(crate) fn table_header(with_truth: bool) -> String {
+    let mut head = format!(
+        "{:>20} {:<9} {:>11} {:>11} {:>8} {:>7} {:>7} {:>5} {:>5} {:>7} {:>7} {:>8}",
+        "stamp [s]", "verdict", "x [m]", "y [m]", "z [m]", "yaw [°]", "held[m]", "segs", "inl.", "score", "second", "ms"
+    );
+    if with_truth {
+        head.push_str(&format!(" {:>9} {:>9}", "error [m]", "error [°]"));
+    }
+    head
+}
+
+/// A row of the table.
+pub(crate) fn table_line(result: &Localization, judgement: Option<&Judgement>) -> String {
+    let place = match &result.pose_map_sensor {
+        Some(pose) => {
+            let (t, yaw) = (pose.translation.vector, pose.rotation.euler_angles().2.to_degrees());
+            format!("{:>11.2} {:>11.2} {:>8.2} {:>7.1}", t.x, t.y, t.z, yaw)
+        }
+        None => format!("{:>11} {:>11} {:>8} {:>7}", "-", "-", "-", "-"),
+    };
+    let mut line = format!(
+        "{:>20.6} {:<9} {place} {:>7.1} {:>5} {:>5} {:>7.2} {:>7.2} {:>8.1}",
+        result.stamp,
+        result.verdict.as_str(),
+        result.travel_m,
+        result.segments,
+        result.inliers,
+        result.score,
+        result.runner_up,
+        result.timings.total().as_secs_f64() * 1e3,
+    );
+    if let Some(judgement) = judgement {
+        line.push_str(&match judgement.error {
+            Some(e) => format!(" {:>9.2} {:>9.2}", e.m, e.deg),
+            None => format!(" {:>9} {:>9}", "-", "-"),
+        });
+        if judgement.is_correct(result.verdict) == Some(false) {
+            line.push_str("  FALSE");
+        } else if judgement.localizable == Some(false) {
+            line.push_str("  off the map");
+        }
+    }
+    if let Some(reason) = &result.reason {
+        line.push_str("  ");
+        line.push_str(reason);
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use esm_core::Verdict;
+
+    use super::*;
+    use crate::truth::PoseError;
+
+    fn result() -> Localization {
+        Localization {
+            stamp: 1317600335.25,
+            verdict: Verdict::Located,
+            reason: None,
+            pose_map_sensor: Some(Pose::translation(1.0, 2.0, 3.0)),
+            covariance: Some([0.25; 36]),
+            travel_m: 20.5,
+            segments: 40,
+            described: 40,
+            inliers: 12,
+            score: 9.5,
+            runner_up: 1.0,
+            runner_up_pose_map_sensor: None,
+            matches: Vec::new(),
+            timings: Timings { pose: Duration::from_micros(1500), ..Default::default() },
+        }
+    }
+
+    #[test]
+    fn the_line_is_the_contracts() {
+        let value: Value = serde_json::from_str(&json_line(&result(), None).unwrap()).unwrap();
+        let keys: Vec<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
+        let mut want = [
+            "stamp", "verdict", "reason", "pose", "covariance", "travel_m", "segments", "described", "inliers",
+            "score", "runner_up", "timings_ms",
+        ];
+        want.sort_unstable();
+        assert_eq!(keys, want);
+        assert_eq!(value["pose"], json!({"t": [1.0, 2.0, 3.0], "q": [0.0, 0.0, 0.0, 1.0]}));
+        assert_eq!(value["covariance"].as_array().unwrap().len(), 36);
+        assert_eq!(value["reason"], Value::Null);
+        assert_eq!(value["timings_ms"]["pose"], json!(1.5));
+        assert_eq!(value["timings_ms"]["total"], json!(1.5));
+        assert_eq!(value["timings_ms"].as_object().unwrap().len(), 8);
+    }
+
+    #[test]
+    fn with_a_truth_the_line_tells_the_error_or_null() {
+        let judgement = Judgement {
+            truth: Some(Pose::identity()),
+            localizable: Some(true),
+            error: Some(PoseError { m: 0.5, deg: 0.25 }),
+        };
+        let line: Value = serde_json::from_str(&json_line(&result(), Some(&judgement)).unwrap()).unwrap();
+        assert_eq!((&line["error_m"], &line["error_deg"]), (&json!(0.5), &json!(0.25)));
+        assert_eq!(line["localizable"], json!(true));
+        let outside = json_line(&result(), Some(&Judgement::default())).unwrap();
+        let line: Value = serde_json::from_str(&outside).unwrap();
+        assert_eq!((&line["error_m"], &line["localizable"]), (&Value::Null, &Value::Null));
+    }
+
+    #[test]
+    fn rows_stand_under_their_heads() {
+        let head = table_header(false);
+        assert_eq!(table_line(&result(), None).chars().count(), head.chars().count());
+        let lost = Localization { pose_map_sensor: None, verdict: Verdict::NotFound, ..result() };
+        assert_eq!(table_line(&lost, None).chars().count(), head.chars().count());
+    }
+}

@@ -1,0 +1,43 @@
+//! The picture of a run: the map from above, the drive coloured by what was found, and lines to the matched places.
+//!
+//! One drawing, made as SVG; the PNG is the same drawing, rendered with a font that is part of the program.
+
+mod backdrop;
+mod draw;
+mod drive;
+mod png;
+mod style;
+mod view;
+
+use std::io::Write;
+use std::path::Path;
+
+use esm_core::map::Map;
+
+use crate::outcome::Failure;
+use crate::output::{Format, Target};
+
+pub(crate) use drive::Drive;
+
+const FORMATS: &[Format] = &[Format { extension: ".png" }, Format { extension: ".svg" }];
+
+/// Checks the extension before any work is done.
+pub(crate) fn check_format(path: &Path) -> Result<(), Failure> {
+    Format::of(path, FORMATS).map(drop)
+}
+
+/// What stands above the picture.
+pub(crate) struct Caption {
+    pub(crate) title: String,
+    pub(crate) figures: String,
+}
+
+/// Draws and writes the picture.
+pub(crate) fn write(path: &Path, map: &Map, drive: &Drive, caption: &Caption) -> anyhow::Result<()> {
+    let format = Format::of(path, FORMATS)?;
+    let svg = draw::svg(map, &drive.places(), drive.unplaced(), caption)?;
+    let bytes = if format.extension == ".png" { png::render(&svg)? } else { svg.into_bytes() };
+    let mut target = Target::create(path)?;
+    target.write_all(&bytes)?;
+    target.finish()
+}

@@ -1,0 +1,124 @@
+//! Raw flags to one checked configuration.
+
+use std::path::Path;
+
+use esm_core::{Config, describe};
+
+use crate::args::{LiveArgs, TuneArgs};
+use crate::outcome::Failure;
+
+/// Most worker threads that can be asked for.
+const MAX_THREADS: usize = 1024;
+
+/// The configuration file, if any, with the flags on top; checked. Also starts the worker threads.
+pub(crate) fn configure(tune: &TuneArgs, live: &LiveArgs) -> anyhow::Result<Config> {
+    let mut config = match &tune.config {
+        Some(path) => read(path)?,
+        None => Config::default(),
+    };
+    if let Some(name) = &tune.descriptor {
+        if !describe::NAMES.contains(&name.as_str()) {
+            return Err(Failure::new(
+                format!("--descriptor {name}: there is no such descriptor"),
+                format!("there are {}", describe::NAMES.join(", ")),
+            )
+            .into());
+        }
+        config.descriptor.clone_from(name);
+    }
+    if let Some(seed) = tune.seed {
+        config.seed = seed;
+    }
+    if let Some(metres) = live.accumulate {
+        config.accumulate.distance_m = metres;
+    }
+    if live.swathes {
+        config.accumulate.swathes = true;
+    }
+    config.check().map_err(|e| anyhow::Error::new(e).context(origin(tune)))?;
+    start_threads(tune.threads)?;
+    Ok(config)
+}
+
+/// What a bad value is to be blamed on.
+fn origin(tune: &TuneArgs) -> String {
+    match &tune.config {
+        Some(path) => format!("{} with the flags on top", path.display()),
+        None => "the flags".to_owned(),
+    }
+}
+
+/// Reads a configuration; keys that do not exist are refused.
+fn read(path: &Path) -> anyhow::Result<Config> {
+    let text = std::fs::read_to_string(path).map_err(|e| {
+        Failure::new(format!("{}: reading it: {e}", path.display()), "`esm-cli config > FILE` writes a complete one")
+    })?;
+    toml::from_str(&text).map_err(|e: toml::de::Error| {
+        let line = e.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
+        let place = line.map(|n| format!(":{n}")).unwrap_or_default();
+        let what = e.message().trim_end().replace('\n', " ");
+        Failure::new(format!("{}{place}: {what}", path.display()), "`esm-cli config` prints every key there is").into()
+    })
+}
+
+fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
+    let Some(threads) = threads else { return Ok(()) };
+    if !(1..=MAX_THREADS).contains(&threads) {
+        let what = format!("--threads {threads}: that many cannot work");
+        return Err(Failure::new(what, format!("give 1 to {MAX_THREADS}")).into());
+    }
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| {
+        Failure::new(format!("--threads {threads}: {e}"), "give fewer threads").into()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(text: &str, tune: TuneArgs, live: LiveArgs) -> Result<Config, String> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("esm.toml");
+        std::fs::write(&path, text).unwrap();
+        configure(&TuneArgs { config: Some(path.clone()), ..tune }, &live)
+            .map_err(|e| format!("{e:#}").replace(&path.display().to_string(), "esm.toml"))
+    }
+
+    #[test]
+    fn flags_win_over_the_file() {
+        let text = "seed = 1\ndescriptor = \"eigen\"\n[accumulate]\ndistance_m = 5.0\nmax_range_m = 30.0\n";
+        let tune = TuneArgs { seed: Some(2), ..Default::default() };
+        let live = LiveArgs { accumulate: Some(9.0), swathes: true };
+        let config = with(text, tune, live).unwrap();
+        assert_eq!((config.seed, config.descriptor.as_str()), (2, "eigen"));
+        assert_eq!((config.accumulate.distance_m, config.accumulate.max_range_m), (9.0, 30.0));
+        assert!(config.accumulate.swathes);
+    }
+
+    #[test]
+    fn unknown_keys_are_named_with_their_line() {
+        let error = with("seed = 1\n[accumulate]\ndistance = 5.0\n", TuneArgs::default(), LiveArgs::default());
+        let error = error.unwrap_err();
+        assert!(error.starts_with("esm.toml:3: unknown field `distance`, expected"), "{error}");
+        assert!(error.ends_with("hint: `esm-cli config` prints every key there is"), "{error}");
+    }
+
+    #[test]
+    fn values_out_of_range_are_named() {
+        for (text, words) in [
+            ("[accumulate]\ndistance_m = -1.0\n", "accumulate.distance_m = -1"),
+            ("[accumulate]\ndistance_m = nan\n", "accumulate.distance_m = NaN"),
+            ("descriptor = \"magic\"\n", "magic"),
+            ("seed = \"x\"\n", "esm.toml:1: invalid type"),
+            ("seed = \n", "esm.toml:1: "),
+        ] {
+            let error = with(text, TuneArgs::default(), LiveArgs::default()).unwrap_err();
+            assert!(error.contains(words), "{error}");
+        }
+        let tune = TuneArgs { descriptor: Some("magic".into()), ..Default::default() };
+        let error = configure(&tune, &LiveArgs::default()).unwrap_err().to_string();
+        assert_eq!(error, "--descriptor magic: there is no such descriptor\nhint: there are shape, eigen");
+        let tune = TuneArgs { threads: Some(0), ..Default::default() };
+        assert!(configure(&tune, &LiveArgs::default()).unwrap_err().to_string().starts_with("--threads 0"));
+    }
+}
