@@ -50,7 +50,8 @@ impl Recording {
     fn message(&mut self, channel_id: u16, stamp: f64, data: &[u8]) -> Result<()> {
         self.sequence += 1;
         let time = (stamp * 1e9) as u64;
-        let header = MessageHeader { channel_id, sequence: self.sequence, log_time: time, publish_time: time };
+        let header =
+            MessageHeader { channel_id, sequence: self.sequence, log_time: time, publish_time: time };
         self.writer.write_to_known_channel(&header, data).map_err(failed)
     }
 

@@ -2,6 +2,7 @@
 
 mod cluster;
 mod config;
+mod disjoint_sets;
 mod ground;
 mod radix;
 mod voxel;
