@@ -5,6 +5,7 @@ mod common;
 mod determinism;
 mod inputs;
 mod kitti;
+mod licences;
 mod maps;
 mod outputs;
 mod pipeline;
