@@ -49,8 +49,7 @@ impl Localizer {
         let descriptor = describe::by_name(&config.descriptor)?;
         map.check_descriptor(&*descriptor)?;
         let index = Index::new(map.descriptors(), descriptor.dim(), config.matching.search);
-        let reach_m = (config.accumulate.max_range_m + config.accumulate.distance_m) as f32;
-        let surroundings = Surroundings::new(Arc::clone(&map), reach_m);
+        let surroundings = Surroundings::new(Arc::clone(&map), config.accumulate.max_range_m);
         Ok(Self { map, descriptor, index, surroundings, config: config.clone() })
     }
 

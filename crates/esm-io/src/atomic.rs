@@ -28,7 +28,8 @@ impl AtomicFile {
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
-        let file = builder.tempfile_in(directory).map_err(|e| Error::io(target, "creating", e))?;
+        let file =
+            builder.tempfile_in(directory).map_err(|e| Error::io(target, "creating", e.kind().into()))?;
         Ok(Self { target: target.to_owned(), file: BufWriter::new(file) })
     }
 

@@ -1,5 +1,7 @@
 //! [`MapBuilder`]: a map from a posed recording (overlapping windows, duplicates merged) or from one prior cloud.
 
+use std::collections::BTreeMap;
+
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
 
@@ -25,11 +27,21 @@ pub struct BuildConfig {
     pub merge_overlap: f64,
     /// The ground is kept at one point a voxel of this edge, metres.
     pub ground_voxel_m: f64,
+    /// What stands on the ground is kept, for verification, at one point a voxel of this edge, metres.
+    pub structure_voxel_m: f64,
+    /// A prior cloud is cut into overlapping discs of this radius, metres, about as far as a live cloud reaches.
+    pub disc_radius_m: f64,
 }
 
 impl Default for BuildConfig {
     fn default() -> Self {
-        Self { window_step_m: 5.0, merge_overlap: 0.6, ground_voxel_m: 0.4 }
+        Self {
+            window_step_m: 5.0,
+            merge_overlap: 0.6,
+            ground_voxel_m: 0.4,
+            structure_voxel_m: 0.25,
+            disc_radius_m: 30.0,
+        }
     }
 }
 
@@ -39,7 +51,7 @@ impl BuildConfig {
     /// # Errors
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
-        let fields: [(&'static str, f64, bool, &'static str); 3] = [
+        let fields: [(&'static str, f64, bool, &'static str); 5] = [
             ("map.window_step_m", self.window_step_m, self.window_step_m >= 0.0, "0 m or more"),
             ("map.merge_overlap", self.merge_overlap, self.merge_overlap > 0.0, "more than 0"),
             (
@@ -47,6 +59,18 @@ impl BuildConfig {
                 self.ground_voxel_m,
                 (0.05..=10.0).contains(&self.ground_voxel_m),
                 "0.05 to 10 m",
+            ),
+            (
+                "map.structure_voxel_m",
+                self.structure_voxel_m,
+                (0.05..=10.0).contains(&self.structure_voxel_m),
+                "0.05 to 10 m",
+            ),
+            (
+                "map.disc_radius_m",
+                self.disc_radius_m,
+                (5.0..=1000.0).contains(&self.disc_radius_m),
+                "5 to 1000 m",
             ),
         ];
         match fields.into_iter().find(|f| !f.2) {
@@ -61,12 +85,39 @@ impl BuildConfig {
 /// Edge of the voxels that decide whether two segments overlap, metres: wider than the jumps of a good odometry are
 /// large, so that one object seen twice overlaps itself.
 const OVERLAP_VOXEL_M: f32 = 0.5;
-/// Edge of a ground tile, metres.
-const TILE_M: f32 = 10.0;
+/// Edge of the tiles that ground and structure are stored in, metres.
+pub(crate) const TILE_M: f32 = 10.0;
 /// The mapped path is kept at this spacing, metres.
 const PATH_STEP_M: f64 = 0.5;
 
 type Voxel = [i32; 3];
+
+/// Points thinned by voxels, by tile, in the order they came.
+struct Tiles {
+    voxel_m: f32,
+    taken: FxHashSet<Voxel>,
+    points: BTreeMap<[i32; 2], Vec<[f32; 3]>>,
+}
+
+impl Tiles {
+    fn new(voxel_m: f64) -> Self {
+        Self { voxel_m: voxel_m as f32, taken: FxHashSet::default(), points: BTreeMap::new() }
+    }
+
+    /// The first point of a voxel stays.
+    fn extend(&mut self, points: impl Iterator<Item = [f32; 3]>) {
+        for p in points {
+            if self.taken.insert(voxel(p, self.voxel_m)) {
+                self.points.entry(tile_of(p)).or_default().push(p);
+            }
+        }
+    }
+}
+
+/// The tile of [`MapData::ground_tiles`] and [`MapData::structure_tiles`] that a point lies in.
+pub(crate) fn tile_of(p: [f32; 3]) -> [i32; 2] {
+    [(p[0] / TILE_M).floor() as i32, (p[1] / TILE_M).floor() as i32]
+}
 
 /// One object of the growing map.
 #[derive(Clone)]
@@ -85,7 +136,8 @@ pub struct MapBuilder {
     origin: Option<[f64; 3]>,
     entries: Vec<Entry>,
     by_voxel: FxHashMap<Voxel, Vec<u32>>,
-    ground: FxHashMap<Voxel, [f32; 3]>,
+    ground: Tiles,
+    structure: Tiles,
     path: Vec<[f64; 3]>,
     coverage: FxHashSet<[i32; 2]>,
     last_window: Option<[f64; 3]>,
@@ -105,7 +157,8 @@ impl MapBuilder {
             origin: None,
             entries: Vec::new(),
             by_voxel: FxHashMap::default(),
-            ground: FxHashMap::default(),
+            ground: Tiles::new(config.map.ground_voxel_m),
+            structure: Tiles::new(config.map.structure_voxel_m),
             path: Vec::new(),
             coverage: FxHashSet::default(),
             last_window: None,
@@ -156,8 +209,10 @@ impl MapBuilder {
     pub fn push_prior_cloud(&mut self, origin: [f64; 3], cloud: &PointCloud) -> Result<(), Error> {
         self.origin = Some(origin);
         self.coverage.extend(cloud.points().iter().map(|p| coverage_cell(absolute(origin, *p))));
-        let cut = segment(cloud, &self.config.segment);
-        self.add(&cut, &Pose::identity());
+        for disc in discs(cloud.points(), self.config.map.disc_radius_m as f32) {
+            let cut = segment(&PointCloud::from_finite(disc).0, &self.config.segment);
+            self.add(&cut, &Pose::identity());
+        }
         Ok(())
     }
 
@@ -188,8 +243,11 @@ impl MapBuilder {
             standardizer.apply(&mut data.descriptors);
             data.standardizer = Some(standardizer);
         }
-        for tile in self.ground_tiles() {
-            data.push_ground_tile(&tile)?;
+        for tile in self.ground.points.values() {
+            data.push_ground_tile(tile)?;
+        }
+        for tile in self.structure.points.values() {
+            data.push_structure_tile(tile)?;
         }
         data.path.clone_from(&self.path);
         data.coverage = self.coverage.iter().copied().collect();
@@ -209,10 +267,9 @@ impl MapBuilder {
             let voxels = voxels(&segment.points, OVERLAP_VOXEL_M);
             self.merge(Entry { segment, voxels, row, quality: described.quality[i], observations: 1 });
         }
-        for p in &cloud.ground {
-            let p = transform_point(pose_origin_sensor, *p);
-            self.ground.entry(voxel(p, self.config.map.ground_voxel_m as f32)).or_insert(p);
-        }
+        let moved = |p: &[f32; 3]| transform_point(pose_origin_sensor, *p);
+        self.ground.extend(cloud.ground.iter().map(moved));
+        self.structure.extend(cloud.structure.iter().map(moved));
     }
 
     /// Adds an observation, or merges it with the object it overlaps most: the fuller view stays.
@@ -262,17 +319,6 @@ impl MapBuilder {
         }
     }
 
-    /// Ground points by tile, tiles and points in a fixed order.
-    fn ground_tiles(&self) -> Vec<Vec<[f32; 3]>> {
-        let mut keyed: Vec<([i32; 2], Voxel, [f32; 3])> = self
-            .ground
-            .iter()
-            .map(|(v, p)| ([(p[0] / TILE_M).floor() as i32, (p[1] / TILE_M).floor() as i32], *v, *p))
-            .collect();
-        keyed.sort_unstable_by_key(|k| (k.0, k.1));
-        keyed.chunk_by(|a, b| a.0 == b.0).map(|tile| tile.iter().map(|k| k.2).collect()).collect()
-    }
-
     /// Poses relative to the map's origin, which is a round position near the first pose: f32 then loses nothing.
     fn relative(&mut self, pose_map_sensor: &Pose) -> Pose {
         const ROUND_M: f64 = 1000.0;
@@ -283,6 +329,26 @@ impl MapBuilder {
         });
         Pose::translation(-origin[0], -origin[1], -origin[2]) * pose_map_sensor
     }
+}
+
+/// A prior cloud in overlapping discs about as large as a live cloud, whose objects would otherwise run together into
+/// segments that no live cloud can hold. Centres lie on a square grid one radius apart, where there are points.
+fn discs(points: &[[f32; 3]], radius: f32) -> impl Iterator<Item = Vec<[f32; 3]>> {
+    let cell = |v: f32| (v / radius).floor() as i32;
+    let mut by_cell: FxHashMap<[i32; 2], Vec<[f32; 3]>> = FxHashMap::default();
+    for p in points {
+        by_cell.entry([cell(p[0]), cell(p[1])]).or_default().push(*p);
+    }
+    let mut centres: Vec<[i32; 2]> = by_cell.keys().copied().collect();
+    centres.sort_unstable();
+    centres.into_iter().map(move |[x, y]| {
+        let centre = [(x as f32 + 0.5) * radius, (y as f32 + 0.5) * radius];
+        let near = |p: &&[f32; 3]| (p[0] - centre[0]).powi(2) + (p[1] - centre[1]).powi(2) <= radius * radius;
+        (y - 1..=y + 1)
+            .flat_map(|v| (x - 1..=x + 1).map(move |u| [u, v]))
+            .flat_map(|k| by_cell.get(&k).into_iter().flatten().filter(near).copied().collect::<Vec<_>>())
+            .collect()
+    })
 }
 
 /// The cell of [`MapData::coverage`] that a position in the map frame lies in.

@@ -22,6 +22,7 @@ mod standardizer;
 mod write;
 
 pub use builder::{BuildConfig, MapBuilder, coverage_cell};
+pub(crate) use builder::{TILE_M, tile_of};
 pub use container::Map;
 pub use data::{DescriptorInfo, MapData};
 pub use layout::{FORMAT_VERSION, SectionInfo};

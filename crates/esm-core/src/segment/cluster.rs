@@ -1,13 +1,15 @@
 //! Euclidean clustering: the single-linkage components of a cloud at a distance, exactly.
 //!
 //! Points are sorted into cubic cells so small that all points of a cell are within the tolerance of each other: the
-//! cells, not the points, are the nodes of the union-find. Rows of cells (equal y and z) are then merged with their
-//! forward neighbour rows by moving pointers; two cells are compared only where they are not connected yet, and the
-//! comparison ends at the first pair in reach. No hashing, and no memory that grows with the extent of the cloud.
+//! cells, not the points, are the nodes of the union-find. Eight cells make a block, wide enough that links reach only
+//! into the neighbouring blocks. Rows of blocks (equal y and z) are merged with their four forward neighbour rows by
+//! moving pointers; two cells are compared only where they are not connected yet, and the comparison ends at the first
+//! pair in reach. No hashing, and no memory that grows with the extent of the cloud.
 
 use super::radix::{Word, bits_for, floor_i64, sort_by_key};
 
-/// Cells between two cells that can hold a linked pair: with cells of tolerance / sqrt(3), two on each axis.
+/// Largest difference of the keys of two cells that can hold a linked pair: with cells of tolerance / sqrt(3), two on
+/// each axis. That is one block.
 const REACH: u32 = 2;
 
 /// Cell edge over tolerance. Just below 1/sqrt(3) = 0.57735, so that rounding cannot put two points of one cell out of
@@ -87,7 +89,7 @@ fn collect(
     clusters
 }
 
-/// A run of cells that share y and z, ascending in x.
+/// A run of blocks that share y and z, ascending in x.
 #[derive(Clone, Copy)]
 struct Row {
     y: u32,
@@ -96,12 +98,21 @@ struct Row {
     end: u32,
 }
 
-/// The points sorted by cell: z-major, then y, then x.
+/// A cube of 2 x 2 x 2 cells; the cells that are occupied are `first_cell..` up to the next block's.
+#[derive(Clone, Copy)]
+struct Block {
+    x: u32,
+    first_cell: u32,
+    /// Whether the block's cells are known to be in one set.
+    uniform: bool,
+}
+
+/// The points sorted by block (z-major, then y, then x), and within a block by cell.
 struct Cells {
     /// Points of cell `c`: `points[starts[c]..starts[c + 1]]`.
     starts: Vec<u32>,
-    /// x key of each cell.
-    x: Vec<u32>,
+    /// One more than there are blocks: the last one ends the list.
+    blocks: Vec<Block>,
     rows: Vec<Row>,
     points: Vec<[f32; 3]>,
     /// Original index of each sorted point, cell by cell.
@@ -119,83 +130,97 @@ impl Cells {
                 high[a] = high[a].max(k[a]);
             }
         }
-        let bits: [u32; 3] = std::array::from_fn(|a| bits_for(high[a].abs_diff(low[a])));
+        // At least one bit an axis: the lowest is the cell's place in its block.
+        let bits: [u32; 3] = std::array::from_fn(|a| bits_for(high[a].abs_diff(low[a])).max(1));
         if bits.iter().sum::<u32>() <= 32 {
             let relative = |k: &[i64; 3]| std::array::from_fn(|a| k[a].abs_diff(low[a]) as u32);
             Self::sorted::<u64>(points, keys.iter().map(relative), bits)
         } else {
             let axes: [Vec<u32>; 3] = std::array::from_fn(|a| close_gaps(&keys, a));
-            let bits = axes.each_ref().map(|axis| bits_for(axis.iter().copied().max().unwrap_or(0).into()));
+            let bits =
+                axes.each_ref().map(|axis| bits_for(axis.iter().copied().max().unwrap_or(0).into()).max(1));
             let keys = (0..points.len()).map(|i| [axes[0][i], axes[1][i], axes[2][i]]);
             Self::sorted::<u128>(points, keys, bits)
         }
     }
 
     fn sorted<W: Word>(points: &[[f32; 3]], keys: impl Iterator<Item = [u32; 3]>, bits: [u32; 3]) -> Self {
+        let (bits_x, bits_y) = (bits[0] - 1, bits[1] - 1);
         let pack = |(i, k): (usize, [u32; 3])| {
-            let key =
-                (u128::from(k[2]) << (bits[0] + bits[1])) | (u128::from(k[1]) << bits[0]) | u128::from(k[0]);
-            W::pack(key, i as u32)
+            let octant = (k[2] & 1) << 2 | (k[1] & 1) << 1 | k[0] & 1;
+            let [x, y, z] = k.map(|k| u128::from(k >> 1));
+            W::pack(((z << bits_y | y) << bits_x | x) << 3 | u128::from(octant), i as u32)
         };
         let words = sort_by_key(keys.enumerate().map(pack).collect::<Vec<W>>(), bits.iter().sum());
 
         let mask = |bits: u32| (1u128 << bits) - 1;
-        let (mut starts, mut x, mut rows) = (Vec::new(), Vec::new(), Vec::<Row>::new());
+        let (mut starts, mut blocks, mut rows) = (Vec::new(), Vec::<Block>::new(), Vec::<Row>::new());
         let mut last = None;
         for (at, w) in words.iter().enumerate() {
             let key = w.key();
             if last == Some(key) {
                 continue;
             }
-            last = Some(key);
             let cell = starts.len() as u32;
             starts.push(at as u32);
-            x.push((key & mask(bits[0])) as u32);
-            let y = (key >> bits[0] & mask(bits[1])) as u32;
-            let z = (key >> (bits[0] + bits[1])) as u32;
-            match rows.last_mut() {
-                Some(row) if row.y == y && row.z == z => row.end = cell + 1,
-                _ => rows.push(Row { y, z, first: cell, end: cell + 1 }),
+            if last.is_none_or(|last| last >> 3 != key >> 3) {
+                let block = blocks.len() as u32;
+                let x = (key >> 3 & mask(bits_x)) as u32;
+                blocks.push(Block { x, first_cell: cell, uniform: false });
+                let y = (key >> (3 + bits_x) & mask(bits_y)) as u32;
+                let z = (key >> (3 + bits_x + bits_y)) as u32;
+                match rows.last_mut() {
+                    Some(row) if row.y == y && row.z == z => row.end = block + 1,
+                    _ => rows.push(Row { y, z, first: block, end: block + 1 }),
+                }
             }
+            last = Some(key);
         }
+        blocks.push(Block { x: u32::MAX, first_cell: starts.len() as u32, uniform: false });
         starts.push(words.len() as u32);
         let order: Vec<u32> = words.iter().map(|w| w.index()).collect();
         let points = order.iter().map(|&i| points[i as usize]).collect();
-        Self { starts, x, rows, points, order }
+        Self { starts, blocks, rows, points, order }
     }
 
+    /// Number of cells.
     fn len(&self) -> usize {
-        self.x.len()
+        self.starts.len() - 1
     }
 
     fn range(&self, cell: usize) -> std::ops::Range<usize> {
         self.starts[cell] as usize..self.starts[cell + 1] as usize
     }
 
+    fn cells_of(&self, block: u32) -> std::ops::Range<u32> {
+        self.blocks[block as usize].first_cell..self.blocks[block as usize + 1].first_cell
+    }
+
     /// Unites all cells that hold a linked pair.
     fn link(&mut self, tolerance2: f32, sets: &mut DisjointSets) {
-        for r in 0..self.rows.len() {
-            let row = self.rows[r];
-            for a in row.first..row.end {
-                for b in a + 1..row.end.min(a + 1 + REACH) {
-                    if self.x[b as usize] - self.x[a as usize] > REACH {
-                        break;
-                    }
+        for block in 0..self.blocks.len() as u32 - 1 {
+            let cells = self.cells_of(block);
+            for a in cells.clone() {
+                for b in a + 1..cells.end {
                     self.link_cells(a, b, tolerance2, sets);
                 }
             }
+            let root = sets.find(cells.start);
+            self.blocks[block as usize].uniform = cells.clone().all(|c| sets.find(c) == root);
         }
-        // Near rows first: what they unite, the far rows need not compare.
-        let mut offsets: Vec<(i64, u32)> = (0..=REACH)
-            .flat_map(|dz| (-i64::from(REACH)..=i64::from(REACH)).map(move |dy| (dy, dz)))
-            .collect();
-        offsets.retain(|&(dy, dz)| dz > 0 || dy > 0);
-        offsets.sort_by_key(|&(dy, dz)| (dy * dy + i64::from(dz * dz), dz, dy));
-        for (dy, dz) in offsets {
+        for r in 0..self.rows.len() {
+            let row = self.rows[r];
+            for a in row.first..row.end - 1 {
+                if self.blocks[a as usize + 1].x - self.blocks[a as usize].x == 1 {
+                    self.link_blocks(a, a + 1, tolerance2, sets);
+                }
+            }
+        }
+        for (dy, dz) in [(1, 0), (0, 1), (-1, 1), (1, 1)] {
             let mut s = 0;
             for r in 0..self.rows.len() {
                 let row = self.rows[r];
-                let wanted = (u64::from(row.z) + u64::from(dz), i64::from(row.y) + dy);
+                let wanted = (u64::from(row.z) + dz, i64::from(row.y) + dy);
                 let place = |row: &Row| (u64::from(row.z), i64::from(row.y));
                 while s < self.rows.len() && place(&self.rows[s]) < wanted {
                     s += 1;
@@ -210,36 +235,54 @@ impl Cells {
     }
 
     /// Unites the cells of two rows, sweeping both along x.
-    #[inline]
     fn link_rows(&mut self, row: Row, other: Row, tolerance2: f32, sets: &mut DisjointSets) {
         let mut lower = other.first;
         for a in row.first..row.end {
-            let x = self.x[a as usize];
-            while lower < other.end && self.x[lower as usize] + REACH < x {
+            let x = i64::from(self.blocks[a as usize].x);
+            while lower < other.end && i64::from(self.blocks[lower as usize].x) < x - 1 {
                 lower += 1;
             }
             for b in lower..other.end {
-                if self.x[b as usize] > x + REACH {
+                if i64::from(self.blocks[b as usize].x) > x + 1 {
                     break;
                 }
-                self.link_cells(a, b, tolerance2, sets);
+                self.link_blocks(a, b, tolerance2, sets);
             }
         }
     }
 
     #[inline]
-    fn link_cells(&mut self, a: u32, b: u32, tolerance2: f32, sets: &mut DisjointSets) {
+    fn link_blocks(&mut self, a: u32, b: u32, tolerance2: f32, sets: &mut DisjointSets) {
+        let (cells_a, cells_b) = (self.cells_of(a), self.cells_of(b));
+        let uniform = self.blocks[a as usize].uniform && self.blocks[b as usize].uniform;
+        if uniform && sets.find(cells_a.start) == sets.find(cells_b.start) {
+            return;
+        }
+        for cell_a in cells_a {
+            for cell_b in cells_b.clone() {
+                if self.link_cells(cell_a, cell_b, tolerance2, sets) && uniform {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Whether the two cells are in one set, united or found so.
+    #[inline]
+    fn link_cells(&mut self, a: u32, b: u32, tolerance2: f32, sets: &mut DisjointSets) -> bool {
         let (root_a, root_b) = (sets.find(a), sets.find(b));
         if root_a == root_b {
-            return;
+            return true;
         }
         let (start_a, end_a) = (self.starts[a as usize] as usize, self.starts[a as usize + 1] as usize);
         let (start_b, end_b) = (self.starts[b as usize] as usize, self.starts[b as usize + 1] as usize);
         // Cells are stored in ascending order and a < b: the two ranges lie in disjoint halves.
         let (head, tail) = self.points.split_at_mut(start_b);
-        if any_linked(&mut head[start_a..end_a], &mut tail[..end_b - start_b], tolerance2) {
+        let linked = any_linked(&mut head[start_a..end_a], &mut tail[..end_b - start_b], tolerance2);
+        if linked {
             sets.unite(root_a, root_b);
         }
+        linked
     }
 }
 
@@ -317,17 +360,17 @@ fn bounds(points: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
 }
 
 /// Union-find; the smaller index is the root, so the sets do not depend on the order of the unions.
-struct DisjointSets {
+pub(super) struct DisjointSets {
     parent: Vec<u32>,
 }
 
 impl DisjointSets {
-    fn new(n: usize) -> Self {
+    pub(super) fn new(n: usize) -> Self {
         Self { parent: (0..n as u32).collect() }
     }
 
     #[inline]
-    fn find(&mut self, mut i: u32) -> u32 {
+    pub(super) fn find(&mut self, mut i: u32) -> u32 {
         loop {
             let parent = self.parent[i as usize];
             if parent == i {
@@ -340,7 +383,7 @@ impl DisjointSets {
     }
 
     #[inline]
-    fn unite(&mut self, root_a: u32, root_b: u32) {
+    pub(super) fn unite(&mut self, root_a: u32, root_b: u32) {
         let (low, high) = (root_a.min(root_b), root_a.max(root_b));
         self.parent[high as usize] = low;
     }

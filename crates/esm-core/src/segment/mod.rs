@@ -20,6 +20,8 @@ pub struct Segmentation {
     pub segments: Vec<Segment>,
     /// The ground points of the voxelled cloud, metres.
     pub ground: Vec<[f32; 3]>,
+    /// All that stands on the ground, in a segment or not, metres.
+    pub structure: Vec<[f32; 3]>,
     /// Points of the voxelled cloud, ground and small clusters included.
     pub voxelled: usize,
 }
@@ -53,7 +55,7 @@ pub fn segment(cloud: &PointCloud, config: &SegmentConfig) -> Segmentation {
             Segment::from_points(cluster.into_iter().map(|i| objects[i as usize]).collect())
         })
         .collect();
-    Segmentation { segments, ground, voxelled: points.len() }
+    Segmentation { segments, ground, structure: objects, voxelled: points.len() }
 }
 
 /// One segment: a connected group of points above the ground, in the frame of the cloud it was cut from.

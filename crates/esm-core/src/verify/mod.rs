@@ -7,7 +7,7 @@ mod surroundings;
 use serde::{Deserialize, Serialize};
 
 pub use refine::{Refined, refine};
-pub use surface::{Gaussian, Surface};
+pub use surface::{Gaussian, Surface, Tile};
 pub use surroundings::Surroundings;
 
 use crate::cloud::{Pose, transform_point};
@@ -18,15 +18,15 @@ use crate::segment::Segmentation;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VerifyConfig {
-    /// Live points of objects used for refinement and overlap.
-    pub object_points: usize,
+    /// Live points above the ground used for refinement and overlap.
+    pub structure_points: usize,
     /// Live points of the ground used for refinement.
     pub ground_points: usize,
     /// Matches a located cloud must have.
     pub min_inliers: usize,
-    /// Share of the live object points that must be found in the map, of those where the map has been seen.
+    /// Share of the live points above the ground that must be found in the map, of those where the map has been seen.
     pub min_overlap: f64,
-    /// Share of the live object points that must lie where the map has been seen.
+    /// Share of the live points above the ground that must lie where the map has been seen.
     pub min_seen: f64,
     /// Score a located cloud must have: inliers times overlap.
     pub min_score: f64,
@@ -37,13 +37,13 @@ pub struct VerifyConfig {
 impl Default for VerifyConfig {
     fn default() -> Self {
         Self {
-            object_points: 3000,
+            structure_points: 3000,
             ground_points: 1000,
             min_inliers: 5,
-            min_overlap: 0.5,
+            min_overlap: 0.85,
             min_seen: 0.3,
             min_score: 4.0,
-            max_runner_up: 0.8,
+            max_runner_up: 0.5,
         }
     }
 }
@@ -56,7 +56,12 @@ impl VerifyConfig {
     pub fn check(&self) -> Result<(), Error> {
         let share = |v: f64| (0.0..=1.0).contains(&v);
         let fields: [(&'static str, f64, bool, &'static str); 5] = [
-            ("verify.object_points", self.object_points as f64, self.object_points >= 100, "100 or more"),
+            (
+                "verify.structure_points",
+                self.structure_points as f64,
+                self.structure_points >= 100,
+                "100 or more",
+            ),
             ("verify.min_overlap", self.min_overlap, share(self.min_overlap), "0 to 1"),
             ("verify.min_seen", self.min_seen, share(self.min_seen), "0 to 1"),
             ("verify.min_score", self.min_score, self.min_score >= 0.0, "0 or more"),
@@ -73,21 +78,20 @@ impl VerifyConfig {
 
 /// The live points that refinement and overlap use, in the sensor frame: an even sample.
 pub struct LivePoints {
-    objects: Vec<[f32; 3]>,
+    structure: Vec<[f32; 3]>,
     all: Vec<[f32; 3]>,
 }
 
 impl LivePoints {
-    /// Samples the segments and the ground evenly.
+    /// Samples what stands on the ground, and the ground, evenly.
     pub fn new(segmentation: &Segmentation, config: &VerifyConfig) -> Self {
-        let total: usize = segmentation.segments.iter().map(|s| s.points.len()).sum();
-        let step = total.div_ceil(config.object_points.max(1)).max(1);
-        let objects: Vec<_> =
-            segmentation.segments.iter().flat_map(|s| &s.points).step_by(step).copied().collect();
-        let step = segmentation.ground.len().div_ceil(config.ground_points.max(1)).max(1);
-        let mut all = objects.clone();
-        all.extend(segmentation.ground.iter().step_by(step));
-        Self { objects, all }
+        let sample = |points: &[[f32; 3]], most: usize| -> Vec<[f32; 3]> {
+            points.iter().step_by(points.len().div_ceil(most.max(1)).max(1)).copied().collect()
+        };
+        let structure = sample(&segmentation.structure, config.structure_points);
+        let mut all = structure.clone();
+        all.extend(sample(&segmentation.ground, config.ground_points));
+        Self { structure, all }
     }
 }
 
@@ -96,9 +100,9 @@ impl LivePoints {
 pub struct Verified {
     /// The refined pose.
     pub refined: Refined,
-    /// Share of the live object points, where the map has been seen, that lie on an object of the map.
+    /// Share of the live points above the ground, where the map has been seen, that lie on what stands there in the map.
     pub overlap: f64,
-    /// Share of the live object points that lie where the map has been seen.
+    /// Share of the live points above the ground that lie where the map has been seen.
     pub seen: f64,
 }
 
@@ -106,7 +110,7 @@ pub struct Verified {
 pub fn verify(surface: &Surface, live: &LivePoints, pose_map_sensor: &Pose) -> Verified {
     let refined = refine(surface, &live.all, pose_map_sensor);
     let (mut seen, mut found) = (0usize, 0usize);
-    for p in &live.objects {
+    for p in &live.structure {
         let at = transform_point(&refined.pose_map_sensor, *p);
         if surface.is_seen(at) {
             seen += 1;
@@ -116,6 +120,6 @@ pub fn verify(surface: &Surface, live: &LivePoints, pose_map_sensor: &Pose) -> V
     Verified {
         refined,
         overlap: found as f64 / seen.max(1) as f64,
-        seen: seen as f64 / live.objects.len().max(1) as f64,
+        seen: seen as f64 / live.structure.len().max(1) as f64,
     }
 }

@@ -112,10 +112,14 @@ fn perturb(pose: &Pose, step: &Vector6<f64>) -> Pose {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::cloud::transform_point;
+    use crate::map::tile_of;
+    use crate::verify::surface::Tile;
 
-    /// A street: ground, two facades with a bend, and poles, in the map frame.
+    /// A street: ground, two facades with a bend, side walls and poles, in the map frame.
     fn street() -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
         let (mut objects, mut ground) = (Vec::new(), Vec::new());
         for i in 0..200 {
@@ -128,16 +132,34 @@ mod tests {
                 objects.push([i as f32 * 0.2, -6.0, k as f32 * 0.2 + 0.3]);
                 if i % 25 == 0 {
                     objects.push([i as f32 * 0.2, 4.0, k as f32 * 0.2 + 0.3]);
+                    // Side walls between the houses.
+                    objects.extend(
+                        (0..20).map(|j| [i as f32 * 0.2, -6.0 - j as f32 * 0.2, k as f32 * 0.2 + 0.3]),
+                    );
                 }
             }
         }
         (objects, ground)
     }
 
+    /// The points in their tiles, as the map would hold them.
+    fn surface_of(structure: &[[f32; 3]], ground: &[[f32; 3]]) -> Surface {
+        let in_tile =
+            |points: &[[f32; 3]], key| points.iter().copied().filter(|p| tile_of(*p) == key).collect();
+        let tiles = (-3..9)
+            .flat_map(|y| (-3..9).map(move |x| [x, y]))
+            .map(|key| {
+                let (structure, ground): (Vec<_>, Vec<_>) = (in_tile(structure, key), in_tile(ground, key));
+                Some(Arc::new(Tile::new(&structure, &ground)))
+            })
+            .collect();
+        Surface::new([-3, -3], 12, tiles)
+    }
+
     #[test]
     fn a_known_pose_is_found_from_half_a_metre_and_two_degrees() {
         let (objects, ground) = street();
-        let surface = Surface::new(&objects, &ground);
+        let surface = surface_of(&objects, &ground);
         let truth = Pose::new(Vector3::new(20.0, 0.5, 1.7), Vector3::new(0.01, 0.02, 0.4));
         let live: Vec<[f32; 3]> =
             objects.iter().chain(&ground).step_by(7).map(|p| transform_point(&truth.inverse(), *p)).collect();
@@ -152,7 +174,7 @@ mod tests {
     #[test]
     fn without_a_map_the_pose_stays_and_has_no_covariance() {
         let pose = Pose::translation(1.0, 2.0, 3.0);
-        let found = refine(&Surface::new(&[], &[]), &[[1.0, 0.0, 0.0]], &pose);
+        let found = refine(&Surface::new([0, 0], 0, Vec::new()), &[[1.0, 0.0, 0.0]], &pose);
         assert_eq!((found.pose_map_sensor, found.covariance), (pose, None));
     }
 }

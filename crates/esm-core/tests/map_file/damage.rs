@@ -4,7 +4,7 @@ use std::path::Path;
 
 use esm_core::map::Map;
 
-use crate::seal::{section, up64};
+use crate::seal::{add_section, section, up64};
 use crate::{Scratch, bytes_of, large_data, refusal, small_data};
 
 #[test]
@@ -18,6 +18,21 @@ fn every_flipped_byte_is_noticed() {
             bytes[at] ^= mask;
             refusal(scratch.open(&bytes), format!("byte {at} ^ {mask:#x}"));
         }
+    }
+}
+
+#[test]
+fn damage_in_the_padding_of_the_table_is_noticed() {
+    // This build's 16 entries fill the table; a newer minor version's 17 leave padding.
+    let mut good = bytes_of(small_data());
+    add_section(&mut good, b"NEWS", 0, b"");
+    let scratch = Scratch::new();
+    scratch.open(&good).unwrap();
+    for at in 64 + 32 * 17..64 + 32 * 18 {
+        let mut bytes = good.clone();
+        bytes[at] ^= 1;
+        let message = refusal(scratch.open(&bytes), at);
+        assert!(message.contains("the section table (bytes 64 to 640) fails its checksum"), "{message}");
     }
 }
 

@@ -35,6 +35,11 @@ fn assert_same(a: &Map, b: &Map) {
         b.ground_tile_points_into(i, &mut q).unwrap();
         assert_eq!(p, q);
     }
+    for i in 0..a.structure_tiles().len() {
+        a.structure_tile_points_into(i, &mut p).unwrap();
+        b.structure_tile_points_into(i, &mut q).unwrap();
+        assert_eq!(p, q);
+    }
 }
 
 fn points() -> impl Strategy<Value = Vec<[f32; 3]>> {

@@ -67,11 +67,18 @@ pub(crate) fn reseal(bytes: &mut [u8]) {
     put(bytes, 60, &crc.to_le_bytes());
 }
 
-/// Adds a section at the end, with its padding, and seals the file. The table must have a gap for one more entry.
+/// Adds a section at the end, with its padding, and seals the file. Where the table's padding has no room for one more
+/// entry, the table grows and all sections move.
 pub(crate) fn add_section(bytes: &mut Vec<u8>, id: &[u8; 4], flags: u32, body: &[u8]) {
     let count = u32_at(bytes, 12) as usize;
     let at = 64 + 32 * count;
-    assert_eq!(up64(at), up64(at + 32), "no room in the table's padding");
+    let (old_end, new_end) = (up64(at), up64(at + 32));
+    let grown = new_end - old_end;
+    bytes.splice(old_end..old_end, vec![0; grown]);
+    for entry in (0..count).map(|i| 64 + 32 * i) {
+        let offset = u64_at(bytes, entry + 8) + grown as u64;
+        put(bytes, entry + 8, &offset.to_le_bytes());
+    }
     let offset = bytes.len() as u64;
     bytes.extend(body);
     bytes.resize(up64(bytes.len()), 0);

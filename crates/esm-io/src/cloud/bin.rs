@@ -11,7 +11,7 @@ pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> 
     if input.len == 0 {
         return Err(Error::empty(&input.path, "the file is empty (0 bytes)", HINT_INCOMPLETE));
     }
-    if input.len % POINT != 0 {
+    if !input.len.is_multiple_of(POINT) {
         return Err(Error::malformed(
             &input.path,
             format!("byte {}", input.len - input.len % POINT),

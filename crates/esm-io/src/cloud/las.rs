@@ -3,11 +3,14 @@
 //! `las` 0.11 multiplies the point count by the record length and allocates an extended record's declared length without
 //! looking at the file's size, so both are compared with it first. Coordinates are scaled and shifted in f64.
 
-use std::io::{Read, Seek, SeekFrom};
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use las::raw;
 
+use super::laz_guard;
 use super::sink::PointSink;
 use crate::error::{Error, HINT_INCOMPLETE};
 use crate::input::Input;
@@ -23,7 +26,16 @@ const HINT_LAS: &str = "check that this is a LAS or LAZ file of version 1.0 to 1
 pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> {
     let path = input.path.clone();
     let declared = check_header(&mut input)?;
-    let mut reader = las::Reader::new(input.reader).map_err(|e| las_error(&path, "header", &e))?;
+    // What the checks let through can still be a damaged stream that trips an assertion of the decoder.
+    let decoded = catch_unwind(AssertUnwindSafe(|| decode(&path, input.reader, declared, sink)));
+    decoded.unwrap_or_else(|_| {
+        let what = "the compressed points are damaged: the decoder gave up";
+        Err(Error::malformed(&path, "points", what, HINT_INCOMPLETE))
+    })
+}
+
+fn decode(path: &Path, file: BufReader<File>, declared: u64, sink: &mut PointSink) -> Result<(), Error> {
+    let mut reader = las::Reader::new(file).map_err(|e| las_error(path, "header", &e))?;
     sink.reserve(declared);
     let mut batch = las::PointDataBuilder::new().for_header(reader.header()).build();
     let mut done = 0;
@@ -32,11 +44,11 @@ pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> 
             let what = format!(
                 "the header says {declared} points, the file ends or is damaged soon after {done} ({e})"
             );
-            Error::malformed(&path, format!("point {}", done + 1), what, HINT_INCOMPLETE)
+            Error::malformed(path, format!("point {}", done + 1), what, HINT_INCOMPLETE)
         })?;
         if n == 0 {
             let what = format!("the header says {declared} points, the file holds {done}");
-            return Err(Error::malformed(&path, format!("point {}", done + 1), what, HINT_INCOMPLETE));
+            return Err(Error::malformed(path, format!("point {}", done + 1), what, HINT_INCOMPLETE));
         }
         for ((x, y), z) in batch.x().zip(batch.y()).zip(batch.z()) {
             sink.push([x, y, z]);
@@ -101,8 +113,28 @@ fn check_header(input: &mut Input) -> Result<u64, Error> {
             return Err(bad(what, HINT_INCOMPLETE));
         }
     }
-    input.reader.seek(SeekFrom::Start(0)).map_err(|e| Error::io(&path, "reading", e))?;
+    rewind(input)?;
+    if compressed {
+        let record_length = header.point_data_record_length;
+        // Also reads the extended records, whose lengths are known to be good by now.
+        let header = las::Header::new(&mut input.reader).map_err(|e| las_error(&path, "header", &e))?;
+        let Some(laszip) = header.vlrs().iter().find(|v| las::laz::is_laszip_vlr(v)) else {
+            return Err(bad(
+                "the points are compressed and the laszip record is missing".to_owned(),
+                HINT_LAS,
+            ));
+        };
+        laz_guard::check(input, &laszip.data, start, record_length, points)
+            .map_err(|e| Error::io(&path, "reading", e))?
+            .map_err(|what| Error::malformed(&path, "compressed points", what, HINT_INCOMPLETE))?;
+        rewind(input)?;
+    }
     Ok(points)
+}
+
+fn rewind(input: &mut Input) -> Result<(), Error> {
+    input.reader.seek(SeekFrom::Start(0)).map_err(|e| Error::io(&input.path, "reading", e))?;
+    Ok(())
 }
 
 fn evlr_length(input: &mut Input, from: u64) -> Result<u64, Error> {

@@ -2,6 +2,7 @@
 
 mod bin;
 mod las;
+mod laz_guard;
 mod lzf;
 mod pcd;
 mod ply;

@@ -28,12 +28,14 @@ pub struct Damage {
     pub more_places: usize,
 }
 
-impl fmt::Display for Lost {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Lost {
+    /// In words, with what is counted: `22 messages`, `at least 1 cloud`.
+    fn of(self, thing: &str) -> String {
+        let plural = |n: u64| if n == 1 { "" } else { "s" };
         match self {
-            Self::Exactly(n) => write!(f, "{n}"),
-            Self::AtLeast(0) => f.write_str("an unknown number"),
-            Self::AtLeast(n) => write!(f, "at least {n}"),
+            Self::Exactly(n) => format!("{n} {thing}{}", plural(n)),
+            Self::AtLeast(0) => format!("an unknown number of {thing}s"),
+            Self::AtLeast(n) => format!("at least {n} {thing}{}", plural(n)),
         }
     }
 }
@@ -47,11 +49,8 @@ impl fmt::Display for Damage {
         if self.lost == Lost::Exactly(0) {
             return f.write_str("; no message was lost");
         }
-        write!(
-            f,
-            "; every intact message was used, lost: {} messages, of them {} clouds",
-            self.lost, self.lost_clouds
-        )
+        let (messages, clouds) = (self.lost.of("message"), self.lost_clouds.of("cloud"));
+        write!(f, "; every intact message was used, lost are {messages}, among them {clouds}")
     }
 }
 

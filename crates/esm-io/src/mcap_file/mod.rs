@@ -1,6 +1,8 @@
 //! MCAP files: their records, what is damaged in them, and their topics.
 
+mod chunk;
 mod damage;
+mod definitions;
 mod records;
 mod stream;
 mod summary;

@@ -10,10 +10,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use mcap::MAGIC;
-use mcap::records::{Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::op;
+use mcap::sans_io::linear_reader::LinearReadEvent;
 
+use super::chunk::OpenChunk;
 use super::damage::{Damage, DamageLog};
+use super::definitions::{ChannelInfo, define};
 use super::records::{ChunkHead, HEAD, RECORD_LIMIT, RecordFile, known_compression, le_u16, le_u32, le_u64};
 use crate::error::Error;
 
@@ -24,19 +26,8 @@ const MESSAGE_HEAD: u64 = 22;
 const INDEX_HEAD: u64 = 6;
 const INDEX_ENTRY: u64 = 16;
 
-/// Most bytes handed to the chunk reader at once.
-const FEED: usize = 1 << 18;
-
-/// Channels and schemas a file may define.
-const DEFINITION_LIMIT: usize = 1 << 16;
-
-/// A channel with what its schema says.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct ChannelInfo {
-    pub(crate) topic: String,
-    pub(crate) schema: String,
-    pub(crate) encoding: String,
-}
+/// Bytes read at once for the data section's CRC.
+const CRC_WINDOW: usize = 1 << 18;
 
 /// Which messages are handed out; the others are counted only.
 pub(crate) enum Wanted {
@@ -67,23 +58,11 @@ pub(crate) struct MessageStream {
     log: DamageLog,
     data: Vec<u8>,
     chunks_read: u64,
+    /// Where records start that nothing but their length vouches for, and that have led here.
+    doubt: Option<u64>,
     /// CRC of the data section is worth checking: messages stand outside of chunks.
     loose_messages: bool,
     ended: bool,
-}
-
-/// A chunk that is being read.
-struct OpenChunk {
-    reader: LinearReader,
-    start: u64,
-    end: u64,
-    fed: u64,
-    /// The file ends inside it.
-    torn: bool,
-    /// Unpacked bytes that have not come yet.
-    left: u64,
-    /// Messages read, by channel.
-    read: BTreeMap<u16, u64>,
 }
 
 /// One step inside a chunk.
@@ -114,6 +93,7 @@ impl MessageStream {
             log: DamageLog::default(),
             data: Vec::new(),
             chunks_read: 0,
+            doubt: None,
             loose_messages: false,
             ended: false,
         })
@@ -201,7 +181,7 @@ impl MessageStream {
         };
         let (opcode, data) = match event {
             LinearReadEvent::ReadRequest(n) => {
-                feed(&mut self.file, chunk, n)?;
+                chunk.feed(&mut self.file, n)?;
                 return Ok(Step::Other);
             }
             LinearReadEvent::Record { opcode, data } => (opcode, data),
@@ -237,15 +217,17 @@ impl MessageStream {
         }
         let end = at.saturating_add(HEAD).saturating_add(len);
         let inside = end <= self.file.len;
+        let doubt = self.doubt.take();
         match opcode {
             op::CHUNK => {
                 let Some(head) = self.file.chunk_head(at)? else {
-                    return self.resume_behind(at);
+                    return self.resume_behind(doubt.unwrap_or(at));
                 };
                 self.open_chunk(at, &head)?;
             }
-            op::DATA_END | op::FOOTER => {
-                self.check_data_crc(at, opcode, len)?;
+            op::DATA_END | op::FOOTER if len == if opcode == op::FOOTER { 20 } else { 4 } => {
+                self.check_data_crc(at, opcode)?;
+                self.check_closing()?;
                 self.ended = true;
             }
             op::MESSAGE if (MESSAGE_HEAD..=RECORD_LIMIT).contains(&len) && inside => {
@@ -265,7 +247,7 @@ impl MessageStream {
                 let mut body = Vec::new();
                 self.file.body(at, len, &mut body)?;
                 if define(&mut self.schemas, &mut self.channels, opcode, &body).is_err() {
-                    return self.resume_behind(at);
+                    return self.resume_behind(doubt.unwrap_or(at));
                 }
                 self.at = end;
             }
@@ -275,23 +257,25 @@ impl MessageStream {
                 self.file.read_all(&mut head)?;
                 let bytes = u64::from(le_u32(&head[2..]));
                 if INDEX_HEAD + bytes != len || bytes % INDEX_ENTRY != 0 {
-                    return self.resume_behind(at);
+                    return self.resume_behind(doubt.unwrap_or(at));
                 }
                 self.log.index(le_u16(&head), bytes / INDEX_ENTRY);
                 self.at = end;
             }
-            // The records a reader of messages does not need, and those of later versions.
+            // The records a reader of messages does not need, and those of later versions: a damaged length among them
+            // shows at the record it leads to.
             1.. if !matches!(opcode, op::MESSAGE | op::SCHEMA | op::CHANNEL | op::MESSAGE_INDEX)
                 && inside =>
             {
+                self.doubt = doubt.or(Some(at));
                 self.at = end;
             }
-            _ => return self.resume_behind(at),
+            _ => return self.resume_behind(doubt.unwrap_or(at)),
         }
         Ok(None)
     }
 
-    /// The framing is lost: looks for the next chunk.
+    /// The framing is lost since a place: looks for the next chunk.
     fn resume_behind(&mut self, at: u64) -> Result<Option<Message>, Error> {
         match self.file.find_chunk(at + 1)? {
             Some(next) => {
@@ -333,7 +317,7 @@ impl MessageStream {
         // Without a CRC, and at a torn end, nothing can be checked beforehand: messages count as far as they come.
         if head.uncompressed_crc != 0 && !torn {
             let mut check = OpenChunk::new(at, end, head, torn, true);
-            if let Some(why) = self.check_chunk(&mut check)? {
+            if let Some(why) = check.check(&mut self.file)? {
                 self.log.place(format!("the chunk at byte {at} is broken: {why}"));
                 self.log.lose_chunk(BTreeMap::new());
                 self.at = end;
@@ -344,23 +328,20 @@ impl MessageStream {
         Ok(())
     }
 
-    /// Reads a chunk for its CRC only; says what is wrong.
-    fn check_chunk(&mut self, chunk: &mut OpenChunk) -> Result<Option<String>, Error> {
-        loop {
-            let request = match chunk.reader.next_event() {
-                None => return Ok(None),
-                Some(Err(e)) => return Ok(Some(e.to_string())),
-                Some(Ok(LinearReadEvent::ReadRequest(n))) => n,
-                Some(Ok(LinearReadEvent::Record { .. })) => continue,
-            };
-            feed(&mut self.file, chunk, request)?;
+    /// All messages were read; says so where the file's end is missing all the same.
+    fn check_closing(&mut self) -> Result<(), Error> {
+        let mut magic = [0; 8];
+        self.file.seek(self.file.len.saturating_sub(magic.len() as u64))?;
+        if !self.file.read_all(&mut magic)? || magic != *MAGIC {
+            self.log.place(format!("the file ends at byte {} inside its summary", self.file.len));
         }
+        Ok(())
     }
 
     /// Messages outside of chunks have no CRC but the one of the whole data section.
-    fn check_data_crc(&mut self, at: u64, opcode: u8, len: u64) -> Result<(), Error> {
+    fn check_data_crc(&mut self, at: u64, opcode: u8) -> Result<(), Error> {
         let mut saved = [0; 4];
-        if !self.loose_messages || opcode != op::DATA_END || len < 4 || !self.file.read_all(&mut saved)? {
+        if !self.loose_messages || opcode != op::DATA_END || !self.file.read_all(&mut saved)? {
             return Ok(());
         }
         let saved = le_u32(&saved);
@@ -368,7 +349,7 @@ impl MessageStream {
             return Ok(());
         }
         let mut hasher = crc32fast::Hasher::new();
-        let mut buf = vec![0; FEED];
+        let mut buf = vec![0; CRC_WINDOW];
         let mut left = at;
         self.file.seek(0)?;
         while left > 0 {
@@ -386,58 +367,6 @@ impl MessageStream {
         }
         Ok(())
     }
-}
-
-impl OpenChunk {
-    fn new(start: u64, end: u64, head: &ChunkHead, torn: bool, check: bool) -> Self {
-        let options = LinearReaderOptions::default()
-            .with_skip_start_magic(true)
-            .with_skip_end_magic(true)
-            .with_validate_chunk_crcs(check)
-            .with_record_length_limit(RECORD_LIMIT as usize);
-        let reader = LinearReader::new_with_options(options);
-        Self { reader, start, end, fed: start, torn, left: head.uncompressed_size, read: BTreeMap::new() }
-    }
-}
-
-/// Gives the chunk's reader what it asks for, as far as the chunk goes.
-fn feed(file: &mut RecordFile, chunk: &mut OpenChunk, request: usize) -> Result<(), Error> {
-    let left = usize::try_from(chunk.end - chunk.fed).unwrap_or(usize::MAX);
-    let n = request.clamp(1, FEED).min(left);
-    file.seek(chunk.fed)?;
-    let got = match n {
-        0 => 0,
-        n => file.read_some(chunk.reader.insert(n))?,
-    };
-    chunk.reader.notify_read(got);
-    chunk.fed += got as u64;
-    Ok(())
-}
-
-/// Registers a schema or channel; other records are ignored.
-pub(super) fn define(
-    schemas: &mut BTreeMap<u16, String>,
-    channels: &mut BTreeMap<u16, ChannelInfo>,
-    opcode: u8,
-    data: &[u8],
-) -> Result<(), String> {
-    if !matches!(opcode, op::SCHEMA | op::CHANNEL) || channels.len() >= DEFINITION_LIMIT {
-        return Ok(());
-    }
-    match mcap::parse_record(opcode, data).map_err(|e| e.to_string())? {
-        Record::Schema { header, .. } => {
-            schemas.insert(header.id, header.name);
-        }
-        Record::Channel(c) => {
-            let schema = schemas.get(&c.schema_id).cloned().unwrap_or_default();
-            let known = channels.get(&c.id).is_some_and(|k| !k.schema.is_empty());
-            if !known {
-                channels.insert(c.id, ChannelInfo { topic: c.topic, schema, encoding: c.message_encoding });
-            }
-        }
-        _ => {}
-    }
-    Ok(())
 }
 
 fn message_head(data: &[u8]) -> Option<Message> {

@@ -8,8 +8,8 @@ use std::path::Path;
 use mcap::MAGIC;
 use mcap::records::{Record, op};
 
+use super::definitions::{ChannelInfo, define};
 use super::records::{HEAD, RECORD_LIMIT, RecordFile, le_u32, le_u64};
-use super::stream::{ChannelInfo, define};
 use crate::error::Error;
 
 /// Body of the footer, and everything from its opcode to the end of the file.
@@ -58,8 +58,9 @@ pub(super) fn read(path: &Path) -> Result<Option<Summary>, Error> {
             let Ok(Record::Statistics(statistics)) = mcap::parse_record(opcode, &buf) else {
                 return Ok(None);
             };
+            // Some writers leave the counts by channel out.
+            counted = !statistics.channel_message_counts.is_empty() || statistics.message_count == 0;
             summary.counts = statistics.channel_message_counts;
-            counted = true;
         } else if define(&mut schemas, &mut summary.channels, opcode, &buf).is_err() {
             return Ok(None);
         }

@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use super::stream::{ChannelInfo, MessageStream, Wanted};
+use super::definitions::ChannelInfo;
+use super::stream::{MessageStream, Wanted};
 use super::summary;
 use crate::error::Error;
 

@@ -40,7 +40,9 @@ impl Track {
     /// Whether a sample at or after the time has come, so that waiting longer would not change the answer of
     /// [`at`](Self::at).
     pub(crate) fn reaches(&self, stamp_ns: i64) -> bool {
-        self.samples.back().is_some_and(|s| s.0 >= stamp_ns)
+        // Before the first sample two of them are needed to carry the motion back.
+        let (Some((first, last)), n) = (self.span(), self.samples.len()) else { return false };
+        last >= stamp_ns && (first <= stamp_ns || n > 1)
     }
 
     /// Drops what is not needed for times at or after this one.

@@ -15,8 +15,9 @@ use crate::ros::point_cloud2;
 /// late is late by well under a second.
 const MOTION_WAIT_NS: u64 = 3_000_000_000;
 
-/// Most sweeps that wait at once: 3 s of a 20 Hz lidar. Bounds the memory.
+/// Most sweeps that wait at once, 3 s of a 20 Hz lidar, and most points in them, 240 MB. They bound the memory.
 const MAX_WAITING: usize = 60;
+const MAX_WAITING_POINTS: usize = 20_000_000;
 
 #[derive(Debug)]
 pub(super) struct McapSource {
@@ -146,6 +147,7 @@ impl McapSweeps {
         let (log_time, sweep) = self.waiting.front()?;
         let overdue = self.ended
             || self.waiting.len() > MAX_WAITING
+            || self.waiting.iter().map(|(_, s)| s.cloud.len()).sum::<usize>() > MAX_WAITING_POINTS
             || self.log_time.saturating_sub(*log_time) > MOTION_WAIT_NS;
         let answer = self.motion.ask(sweep.number - 1, sweep.stamp_ns, &sweep.frame_id, overdue);
         let pose = match answer {

@@ -13,7 +13,7 @@ use esm_core::{PointCloud, Pose};
 use crate::cloud::{CLOUD_EXTENSIONS, extension};
 use crate::error::Error;
 use crate::input::Input;
-use crate::mcap_file::Topic;
+use crate::mcap_file::{Damage, Topic};
 use crate::pose::{PoseFile, read_poses};
 
 pub use warning::Warning;
@@ -187,6 +187,14 @@ impl Sweeps {
         &self.warnings
     }
 
+    /// What is missing of a damaged recording, once the iteration has ended.
+    pub fn damage(&self) -> Option<&Damage> {
+        self.warnings.iter().find_map(|w| match w {
+            Warning::Damaged { damage, .. } => Some(damage),
+            _ => None,
+        })
+    }
+
     /// At the end: an input without a single usable point is an error.
     fn finish(&mut self) -> Option<Result<Sweep, Error>> {
         self.done = true;
@@ -281,3 +289,16 @@ pub fn classify(path: impl AsRef<Path>) -> Result<InputKind, Error> {
 
 /// A file of poses with its name.
 type NamedPoses = Option<(PathBuf, PoseFile)>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A recording may be read on one thread and worked on in another.
+    #[test]
+    fn sweeps_can_be_sent() {
+        fn sendable<T: Send>() {}
+        sendable::<Recording>();
+        sendable::<Sweeps>();
+    }
+}

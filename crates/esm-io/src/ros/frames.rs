@@ -11,10 +11,10 @@ use crate::pose::Track;
 const MAX_DEPTH: usize = 64;
 
 /// Most frames kept.
-const MAX_FRAMES: usize = 1024;
+const MAX_FRAMES: usize = 512;
 
-/// Samples kept for each moving frame.
-const TRACK_LIMIT: usize = 8192;
+/// Samples kept for each moving frame: 20 s at 100 Hz.
+const TRACK_LIMIT: usize = 2048;
 
 /// Where each frame stands in its parent.
 #[derive(Default)]

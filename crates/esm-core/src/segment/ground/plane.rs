@@ -13,6 +13,17 @@ impl Plane {
     pub(super) fn at(&self, xy: [f64; 2]) -> f64 {
         self.height + self.slope[0] * (xy[0] - self.centre[0]) + self.slope[1] * (xy[1] - self.centre[1])
     }
+
+    /// Adds a correction `[a, b, c]` as [`Correction::solve`] gives it, `per_edge` being 1 / the unit of its offsets.
+    pub(super) fn correct(&mut self, [a, b, c]: [f64; 3], per_edge: f64) {
+        self.height += a;
+        self.slope = [self.slope[0] + b * per_edge, self.slope[1] + c * per_edge];
+    }
+
+    /// The same plane, described about another centre.
+    pub(super) fn moved_to(&self, centre: [f64; 2]) -> Self {
+        Self { centre, height: self.at(centre), slope: self.slope }
+    }
 }
 
 /// Weighted least squares for a correction `a + b dx + c dy` to a plane, pulled towards no correction.
