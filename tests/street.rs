@@ -102,7 +102,8 @@ impl Street {
     fn object(&mut self, at: [f64; 2], along: [f64; 2], rng: &mut ChaCha8Rng) -> f64 {
         match rng.random_range(0..6) {
             0 => {
-                let size = [rng.random_range(5.0..11.0), rng.random_range(3.0..6.0), rng.random_range(3.0..7.0)];
+                let size =
+                    [rng.random_range(5.0..11.0), rng.random_range(3.0..6.0), rng.random_range(3.0..7.0)];
                 self.block(at, along, size);
                 size[0] + rng.random_range(3.0..6.0)
             }

@@ -32,12 +32,16 @@ impl Ran {
 
     /// The last object's `summary`.
     pub(crate) fn summary(&self) -> Value {
-        self.json().pop().and_then(|mut v| v.get_mut("summary").map(Value::take)).expect("a summary at the end")
+        self.json()
+            .pop()
+            .and_then(|mut v| v.get_mut("summary").map(Value::take))
+            .expect("a summary at the end")
     }
 
     /// Asserts the exit code.
     pub(crate) fn ended(self, code: i32) -> Self {
-        assert_eq!(self.code, code, "stdout:\n{}\nstderr:\n{}", self.stdout, self.stderr);
+        let tail: Vec<&str> = self.stdout.lines().rev().take(2).collect();
+        assert_eq!(self.code, code, "stdout ends:\n{}\nstderr:\n{}", tail.join("\n"), self.stderr);
         self
     }
 
@@ -141,10 +145,8 @@ pub(crate) fn names(folder: &Path) -> Vec<String> {
 
 /// A real recording's folder; `None`, with a message, where it is missing. On CI it must be there.
 pub(crate) fn shared(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("ESM_SHARED_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
+    let root = std::env::var_os("ESM_SHARED_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
     let path = root.join(name);
     if path.exists() {
         return Some(path);

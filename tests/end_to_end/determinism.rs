@@ -27,8 +27,15 @@ fn results_do_not_depend_on_the_number_of_threads() {
     let town = &*TOWN;
     let run = |threads: &str| {
         let ran = esm![
-            "localize", "--json", "--threads", threads, "--map", town.path("map.esm"), town.path("live.mcap"),
-            "--truth", town.path("live_truth.tum")
+            "localize",
+            "--json",
+            "--threads",
+            threads,
+            "--map",
+            town.path("map.esm"),
+            town.path("live.mcap"),
+            "--truth",
+            town.path("live_truth.tum")
         ];
         without_measurements(&ran.ended(0).stdout)
     };

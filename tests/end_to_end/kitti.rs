@@ -48,7 +48,13 @@ fn the_query_is_localized_in_the_map() {
     let Some(map) = &*MAP else { return };
     let Some(data) = shared("kitti00") else { return };
     let ran = esm![
-        "localize", "--map", map, data.join("query.mcap"), "--truth", data.join("query_truth.tum"), "--json"
+        "localize",
+        "--map",
+        map,
+        data.join("query.mcap"),
+        "--truth",
+        data.join("query_truth.tum"),
+        "--json"
     ]
     .ended(0);
     judge(&ran, &data, "map_path.txt", "20", "0.87");
@@ -64,7 +70,13 @@ fn a_survey_somebody_else_made_is_a_map_too() {
     let map = dir.path().join("dense.esm");
     esm!["map", "build", data.join("dense_first_827m.laz"), "-o", map].ended(0);
     let ran = esm![
-        "localize", "--map", map, data.join("query.mcap"), "--truth", data.join("query_truth.tum"), "--json"
+        "localize",
+        "--map",
+        map,
+        data.join("query.mcap"),
+        "--truth",
+        data.join("query_truth.tum"),
+        "--json"
     ]
     .ended(0);
     let summary = ran.summary();
@@ -80,7 +92,15 @@ fn what_is_far_from_the_map_is_not_found_in_it() {
     let map = dir.path().join("first360.esm");
     esm!["map", "build", recording, "--frames", "1-360", "-o", map].ended(0);
     let ran = esm![
-        "localize", "--map", map, recording, "--frames", "410-510,690-950,1040-1340", "--truth", recording, "--json"
+        "localize",
+        "--map",
+        map,
+        recording,
+        "--frames",
+        "410-510,690-950,1040-1340",
+        "--truth",
+        recording,
+        "--json"
     ];
     let summary = ran.summary();
     println!("{summary}");

@@ -13,7 +13,8 @@ fn a_map_tells_what_it_holds() {
     for words in ["map.mcap", "shape (version 1, 13 numbers)", "path of 3", "checked            every byte"] {
         assert!(text.contains(words), "'{words}' is missing in\n{text}");
     }
-    let info: Value = serde_json::from_str(&esm!["map", "info", "--json", town.path("map.esm")].ended(0).stdout).unwrap();
+    let info: Value =
+        serde_json::from_str(&esm!["map", "info", "--json", town.path("map.esm")].ended(0).stdout).unwrap();
     assert_eq!(info["descriptor"]["name"], "shape");
     assert_eq!(info["bytes"].as_u64().unwrap(), fs::metadata(town.path("map.esm")).unwrap().len());
     assert!(info["segments"].as_u64().unwrap() > 50, "{info}");
@@ -44,10 +45,12 @@ fn no_flipped_byte_goes_unnoticed() {
 fn localizing_in_a_damaged_map_fails_even_where_nothing_of_the_damage_is_needed() {
     let town = &*TOWN;
     let dir = folder();
-    let info: Value = serde_json::from_str(&esm!["map", "info", "--json", town.path("map.esm")].ended(0).stdout).unwrap();
+    let info: Value =
+        serde_json::from_str(&esm!["map", "info", "--json", town.path("map.esm")].ended(0).stdout).unwrap();
     let sections = info["sections"].as_array().unwrap();
     let points = sections.iter().max_by_key(|s| s["bytes"].as_u64()).unwrap();
-    let (offset, len) = (points["offset"].as_u64().unwrap() as usize, points["bytes"].as_u64().unwrap() as usize);
+    let (offset, len) =
+        (points["offset"].as_u64().unwrap() as usize, points["bytes"].as_u64().unwrap() as usize);
     let damaged = dir.path().join("damaged.esm");
     let poses = dir.path().join("poses.tum");
     for place in [offset, offset + len / 2, offset + len - 1] {

@@ -11,7 +11,8 @@ fn located_poses_are_written_as_tum() {
     let town = &*TOWN;
     let dir = folder();
     let poses = dir.path().join("poses.tum");
-    let ran = esm!["localize", "--json", "--map", town.path("map.esm"), town.path("live.mcap"), "-o", poses].ended(0);
+    let ran = esm!["localize", "--json", "--map", town.path("map.esm"), town.path("live.mcap"), "-o", poses]
+        .ended(0);
     let located: Vec<_> = ran.json().into_iter().filter(|l| l["verdict"] == "located").collect();
     let written = esm_io::read_tum(&poses).unwrap();
     assert_eq!(written.len(), located.len());
@@ -28,7 +29,8 @@ fn located_poses_are_written_as_mcap() {
     let town = &*TOWN;
     let dir = folder();
     let poses = dir.path().join("poses.mcap");
-    let ran = esm!["localize", "--json", "--map", town.path("map.esm"), town.path("live.mcap"), "-o", poses].ended(0);
+    let ran = esm!["localize", "--json", "--map", town.path("map.esm"), town.path("live.mcap"), "-o", poses]
+        .ended(0);
     let bytes = fs::read(&poses).unwrap();
     let messages: Vec<_> = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
     assert_eq!(messages.len() as u64, ran.summary()["located"].as_u64().unwrap());
@@ -46,8 +48,15 @@ fn the_picture_shows_every_cloud() {
     let run = |name: &str| {
         let plot = dir.path().join(name);
         let ran = esm![
-            "localize", "--json", "--map", town.path("map.esm"), town.path("live.mcap"), "--truth",
-            town.path("live_truth.tum"), "--plot", plot
+            "localize",
+            "--json",
+            "--map",
+            town.path("map.esm"),
+            town.path("live.mcap"),
+            "--truth",
+            town.path("live_truth.tum"),
+            "--plot",
+            plot
         ];
         (ran.ended(0).summary(), fs::read(plot).unwrap())
     };
@@ -59,7 +68,11 @@ fn the_picture_shows_every_cloud() {
         assert!(svg.contains(words), "'{words}' is missing");
     }
     let markers = svg.matches("fill=\"#009e73\"").count();
-    assert_eq!(markers as u64, summary["located"].as_u64().unwrap() + 1, "one for each cloud and one in the legend");
+    assert_eq!(
+        markers as u64,
+        summary["located"].as_u64().unwrap() + 1,
+        "one for each cloud and one in the legend"
+    );
     let (_, png) = run("run.png");
     assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
     let width = u32::from_be_bytes(png[16..20].try_into().unwrap());
@@ -87,9 +100,11 @@ fn outputs_that_cannot_be_written_are_refused_before_the_work() {
         assert_eq!(ran.stdout, "", "nothing was done yet");
         ran.failed(&[words, &path.display().to_string()]);
     }
-    esm!["map", "build", town.path("map.mcap"), "-o", dir.path().join("map.txt")].failed(&["end the name in .esm"]);
+    esm!["map", "build", town.path("map.mcap"), "-o", dir.path().join("map.txt")]
+        .failed(&["end the name in .esm"]);
     esm!["map", "build", town.path("map.mcap"), "-o", dir.path()].failed(&["extension"]);
-    esm!["loops", town.path("map.mcap"), "-o", dir.path().join("graph.txt")].failed(&["end the name in .g2o"]);
+    esm!["loops", town.path("map.mcap"), "-o", dir.path().join("graph.txt")]
+        .failed(&["end the name in .g2o"]);
     esm!["man", "-o", dir.path().join("none")].failed(&["not a directory"]);
     assert_eq!(names(dir.path()), ["file"]);
 }
@@ -123,7 +138,12 @@ fn a_failed_build_leaves_the_old_map() {
 fn the_table_is_for_people() {
     let town = &*TOWN;
     let ran = esm![
-        "localize", "--map", town.path("map.esm"), town.path("live.mcap"), "--truth", town.path("live_truth.tum")
+        "localize",
+        "--map",
+        town.path("map.esm"),
+        town.path("live.mcap"),
+        "--truth",
+        town.path("live_truth.tum")
     ]
     .ended(0);
     let lines: Vec<&str> = ran.stdout.lines().collect();
@@ -165,7 +185,8 @@ fn an_interrupted_run_leaves_nothing_half_written() {
         let dir = folder();
         let path = dir.path().join(name);
         let (child, lines) = start(&["-o".as_ref(), path.as_os_str()]);
-        let kill = Command::new("kill").args([&format!("-{signal}"), &child.id().to_string()]).status().unwrap();
+        let kill =
+            Command::new("kill").args([&format!("-{signal}"), &child.id().to_string()]).status().unwrap();
         assert!(kill.success());
         drop(lines);
         let output = child.wait_with_output().unwrap();

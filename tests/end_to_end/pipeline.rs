@@ -12,7 +12,12 @@ fn pose_of(line: &Value) -> [f64; 3] {
 fn a_drive_is_localized_in_the_map_of_another_drive() {
     let town = &*TOWN;
     let ran = esm![
-        "localize", "--map", town.path("map.esm"), town.path("live.mcap"), "--truth", town.path("live_truth.tum"),
+        "localize",
+        "--map",
+        town.path("map.esm"),
+        town.path("live.mcap"),
+        "--truth",
+        town.path("live_truth.tum"),
         "--json"
     ]
     .ended(0);
@@ -45,7 +50,10 @@ fn a_drive_is_localized_in_the_map_of_another_drive() {
         let sum: f64 = times.iter().filter(|t| t.0 != "total").map(|t| t.1.as_f64().unwrap()).sum();
         assert!((sum - times["total"].as_f64().unwrap()).abs() < 0.01, "the total is the stages' sum");
     }
-    assert_eq!((summary["located"].as_u64(), summary["correct"].as_u64()), (Some(located), Some(near as u64)));
+    assert_eq!(
+        (summary["located"].as_u64(), summary["correct"].as_u64()),
+        (Some(located), Some(near as u64))
+    );
 }
 
 #[test]
@@ -97,7 +105,12 @@ fn frames_and_times_choose_scans() {
 fn without_motion_every_scan_is_localized_by_itself() {
     let town = &*TOWN;
     let ran = esm![
-        "localize", "--map", town.path("map.esm"), town.path("silent.mcap"), "--truth", town.path("live_truth.tum"),
+        "localize",
+        "--map",
+        town.path("map.esm"),
+        town.path("silent.mcap"),
+        "--truth",
+        town.path("live_truth.tum"),
         "--json"
     ];
     assert!(ran.stderr.contains("warning: the input does not tell how the sensor moved"), "{}", ran.stderr);
@@ -115,7 +128,13 @@ fn a_map_is_built_from_scans_with_poses() {
     let map = dir.path().join("scans.esm");
     esm!["map", "build", town.path("scans"), "--poses", town.path("scans.txt"), "-o", map].ended(0);
     let summary = esm![
-        "localize", "--map", map, town.path("live.mcap"), "--truth", town.path("live_truth.tum"), "--json"
+        "localize",
+        "--map",
+        map,
+        town.path("live.mcap"),
+        "--truth",
+        town.path("live_truth.tum"),
+        "--json"
     ]
     .ended(0)
     .summary();
@@ -133,7 +152,13 @@ fn a_map_is_built_from_one_prior_cloud() {
     assert_eq!(info["path"]["positions"], 0);
     assert!(info["coverage_cells"].as_u64().unwrap() > 100, "{info}");
     let summary = esm![
-        "localize", "--map", map, town.path("live.mcap"), "--truth", town.path("live_truth.tum"), "--json"
+        "localize",
+        "--map",
+        map,
+        town.path("live.mcap"),
+        "--truth",
+        town.path("live_truth.tum"),
+        "--json"
     ]
     .ended(0)
     .summary();
@@ -148,8 +173,15 @@ fn the_other_descriptor_works_too() {
     let map = dir.path().join("eigen.esm");
     esm!["map", "build", town.path("map.mcap"), "--descriptor", "eigen", "-o", map].ended(0);
     let summary = esm![
-        "localize", "--descriptor", "eigen", "--map", map, town.path("live.mcap"), "--truth",
-        town.path("live_truth.tum"), "--json"
+        "localize",
+        "--descriptor",
+        "eigen",
+        "--map",
+        map,
+        town.path("live.mcap"),
+        "--truth",
+        town.path("live_truth.tum"),
+        "--json"
     ]
     .ended(0)
     .summary();
@@ -173,10 +205,9 @@ fn loops_close_where_the_drive_comes_back() {
     let town = &*TOWN;
     let dir = folder();
     let graph = dir.path().join("loops.g2o");
-    let ran = esm![
-        "loops", town.path("map.mcap"), "--truth", town.path("map_truth.tum"), "--json", "-o", graph
-    ]
-    .ended(0);
+    let ran =
+        esm!["loops", town.path("map.mcap"), "--truth", town.path("map_truth.tum"), "--json", "-o", graph]
+            .ended(0);
     let lines = ran.json();
     let summary = ran.summary();
     assert_eq!(summary["false"], 0, "{summary}");
@@ -200,7 +231,8 @@ fn several_inputs_are_read_one_after_the_other() {
     let town = &*TOWN;
     let (map, live) = (town.path("map.esm"), town.path("live.mcap"));
     let n = town.live_drive.len();
-    let lines = esm!["localize", "--json", "--map", map, live, live, "--frames", format!("{n}-{}", n + 1)].json();
+    let lines =
+        esm!["localize", "--json", "--map", map, live, live, "--frames", format!("{n}-{}", n + 1)].json();
     let stamps: Vec<f64> = lines.iter().filter_map(|l| l["stamp"].as_f64()).collect();
     assert_eq!(stamps, [town.live_drive[n - 1].stamp, town.live_drive[0].stamp]);
     assert_eq!(lines[1]["travel_m"], 0.0, "nothing is accumulated from one input into the next");

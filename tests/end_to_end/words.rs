@@ -18,7 +18,8 @@ fn help_texts() {
 #[test]
 fn errors_read_like_this() {
     let dir = folder();
-    let plain = |ran: crate::common::Ran| ran.ended(2).stderr.replace(&dir.path().display().to_string(), "DIR");
+    let plain =
+        |ran: crate::common::Ran| ran.ended(2).stderr.replace(&dir.path().display().to_string(), "DIR");
     let missing = dir.path().join("missing.esm");
     insta::assert_snapshot!("error_missing_map", plain(esm!["map", "info", missing]));
     insta::assert_snapshot!(
@@ -31,7 +32,10 @@ fn errors_read_like_this() {
         "error_bad_configuration",
         plain(esm!["localize", "--map", missing, "x.mcap", "--config", config])
     );
-    insta::assert_snapshot!("error_bad_frames", plain(esm!["localize", "--map", "m", "x", "--frames", "9-3"]));
+    insta::assert_snapshot!(
+        "error_bad_frames",
+        plain(esm!["localize", "--map", "m", "x", "--frames", "9-3"])
+    );
 }
 
 #[test]
@@ -56,10 +60,20 @@ fn manual_pages_are_written() {
     assert!(page.contains(".TH esm-cli 1") && page.contains("Exit codes"), "{page}");
     let dir = folder();
     esm!["man", "-o", dir.path()].ended(0);
-    assert_eq!(names(dir.path()), [
-        "esm-cli-completions.1", "esm-cli-config.1", "esm-cli-localize.1", "esm-cli-loops.1", "esm-cli-man.1",
-        "esm-cli-map-build.1", "esm-cli-map-info.1", "esm-cli-map.1", "esm-cli.1",
-    ]);
+    assert_eq!(
+        names(dir.path()),
+        [
+            "esm-cli-completions.1",
+            "esm-cli-config.1",
+            "esm-cli-localize.1",
+            "esm-cli-loops.1",
+            "esm-cli-man.1",
+            "esm-cli-map-build.1",
+            "esm-cli-map-info.1",
+            "esm-cli-map.1",
+            "esm-cli.1",
+        ]
+    );
     let localize = std::fs::read_to_string(dir.path().join("esm-cli-localize.1")).unwrap();
     assert!(localize.contains(".TH esm-cli-localize 1"), "{localize}");
 }

@@ -79,7 +79,11 @@ fn from_recordings(args: &BuildArgs, config: &Config) -> anyhow::Result<MapBuild
 
 /// One survey, already in the map frame.
 fn from_prior_cloud(path: &Path, args: &BuildArgs, config: &Config) -> anyhow::Result<MapBuilder> {
-    if args.read.poses.is_some() || !args.read.frames.is_empty() || args.read.from.is_some() || args.read.to.is_some() {
+    if args.read.poses.is_some()
+        || !args.read.frames.is_empty()
+        || args.read.from.is_some()
+        || args.read.to.is_some()
+    {
         return Err(Failure::new(
             format!("{}: one prior cloud has neither poses nor frames", path.display()),
             "leave out --poses, --frames, --from and --to, or give a directory of scans",
@@ -101,14 +105,17 @@ fn from_prior_cloud(path: &Path, args: &BuildArgs, config: &Config) -> anyhow::R
 
 /// File names without their folders, as the map remembers them.
 fn names(args: &BuildArgs) -> String {
-    let name = |p: &std::path::PathBuf| p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned());
+    let name = |p: &std::path::PathBuf| {
+        p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned())
+    };
     args.inputs.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
 fn report(path: &Path, map: &Map, started: std::time::Instant) -> anyhow::Result<Outcome> {
     let memory = memory::peak_mib().map_or_else(|| "unknown".to_owned(), |m| format!("{m:.0} MiB"));
     let elapsed = started.elapsed().as_secs_f64();
-    let text = format!("{}\nbuilt in           {elapsed:.1} s, peak memory {memory}\n", info::table(path, map));
+    let text =
+        format!("{}\nbuilt in           {elapsed:.1} s, peak memory {memory}\n", info::table(path, map));
     data(text.as_bytes())?;
     Ok(Outcome::Done)
 }

@@ -18,16 +18,37 @@ const HEAD: &str = "\
 
 /// What every key means, with its unit. Tables have an entry too.
 const MEANINGS: &[(&str, &str)] = &[
-    ("descriptor", "How segments are described: \"shape\" (eigenvalue features and metric size) or \"eigen\" (the features alone)."),
+    (
+        "descriptor",
+        "How segments are described: \"shape\" (eigenvalue features and metric size) or \"eigen\" (the features alone).",
+    ),
     ("seed", "Seed of everything random: the same seed gives the same bits, with any number of threads."),
     ("accumulate", "From sweeps to live clouds."),
-    ("accumulate.distance_m", "Metres of travel a live cloud holds; 0 makes every sweep a cloud of its own. (--accumulate)"),
-    ("accumulate.swathes", "Clouds that do not overlap, one every distance_m, instead of one for every sweep. (--swathes)"),
+    (
+        "accumulate.distance_m",
+        "Metres of travel a live cloud holds; 0 makes every sweep a cloud of its own. (--accumulate)",
+    ),
+    (
+        "accumulate.swathes",
+        "Clouds that do not overlap, one every distance_m, instead of one for every sweep. (--swathes)",
+    ),
     ("accumulate.max_range_m", "Points farther than this from the sensor are dropped, metres."),
-    ("accumulate.min_range_m", "Points nearer than this to the sensor are dropped, metres: they lie on the robot itself."),
-    ("accumulate.sweep_voxel_m", "Each sweep is thinned to one point a voxel of this edge, metres; 0 keeps all."),
-    ("accumulate.min_step_m", "A sweep is kept for later clouds only this far after the last kept one, metres."),
-    ("accumulate.max_step_m", "A longer step between two sweeps is a gap or a jump and breaks the accumulation, metres."),
+    (
+        "accumulate.min_range_m",
+        "Points nearer than this to the sensor are dropped, metres: they lie on the robot itself.",
+    ),
+    (
+        "accumulate.sweep_voxel_m",
+        "Each sweep is thinned to one point a voxel of this edge, metres; 0 keeps all.",
+    ),
+    (
+        "accumulate.min_step_m",
+        "A sweep is kept for later clouds only this far after the last kept one, metres.",
+    ),
+    (
+        "accumulate.max_step_m",
+        "A longer step between two sweeps is a gap or a jump and breaks the accumulation, metres.",
+    ),
     ("segment", "From clouds to segments."),
     ("segment.voxel", "The cloud is thinned to one point a voxel of this edge, metres."),
     ("segment.tolerance", "Points nearer than this to each other belong to one segment, metres."),
@@ -38,14 +59,29 @@ const MEANINGS: &[(&str, &str)] = &[
     ("segment.ground.max_slope", "Steepest ground, rise over run."),
     ("match", "From descriptors to candidate matches."),
     ("match.k", "Candidates a live segment: its nearest map segments in descriptor space."),
-    ("match.search", "How they are searched: \"tree\" (k-d tree), \"product\" (matrix product) or \"auto\"; the answers are the same."),
-    ("match.min_quality", "Live segments less likely than this to be good for matching are left out, 0 to 1."),
+    (
+        "match.search",
+        "How they are searched: \"tree\" (k-d tree), \"product\" (matrix product) or \"auto\"; the answers are the same.",
+    ),
+    (
+        "match.min_quality",
+        "Live segments less likely than this to be good for matching are left out, 0 to 1.",
+    ),
     ("match.max_distance", "Candidates farther than this in descriptor space are dropped; 0 keeps all."),
     ("pose", "From candidate matches to places."),
-    ("pose.method", "How the best group of consistent matches is found: \"clique\", \"prosac\" or \"ransac\"."),
-    ("pose.resolution_m", "Two matches agree when their lengths in cloud and map differ by at most this, metres."),
+    (
+        "pose.method",
+        "How the best group of consistent matches is found: \"clique\", \"prosac\" or \"ransac\".",
+    ),
+    (
+        "pose.resolution_m",
+        "Two matches agree when their lengths in cloud and map differ by at most this, metres.",
+    ),
     ("pose.inlier_m", "A match supports a pose when its centroids lie this near, metres."),
-    ("pose.gravity", "Whether the sensor's z axis points up but for max_tilt_deg: two matches then fix a pose, instead of three."),
+    (
+        "pose.gravity",
+        "Whether the sensor's z axis points up but for max_tilt_deg: two matches then fix a pose, instead of three.",
+    ),
     ("pose.max_tilt_deg", "Largest tilt of the sensor's z axis against the map's, degrees. (with gravity)"),
     ("pose.min_inliers", "Matches a place must have to be considered at all."),
     ("pose.hypotheses", "Places that are passed on to verification."),
@@ -57,13 +93,28 @@ const MEANINGS: &[(&str, &str)] = &[
     ("verify.object_points", "Points of objects used for refinement and overlap."),
     ("verify.ground_points", "Points of the ground used for refinement."),
     ("verify.min_inliers", "Matches a located cloud must have."),
-    ("verify.min_overlap", "Share of the cloud's object points that must be found in the map, of those where the map has been seen, 0 to 1."),
-    ("verify.min_seen", "Share of the cloud's object points that must lie where the map has been seen, 0 to 1."),
+    (
+        "verify.min_overlap",
+        "Share of the cloud's object points that must be found in the map, of those where the map has been seen, 0 to 1.",
+    ),
+    (
+        "verify.min_seen",
+        "Share of the cloud's object points that must lie where the map has been seen, 0 to 1.",
+    ),
     ("verify.min_score", "Score a located cloud must have: matches times overlap."),
-    ("verify.max_runner_up", "A second place with more than this share of the best score makes the cloud ambiguous, 0 to 1."),
+    (
+        "verify.max_runner_up",
+        "A second place with more than this share of the best score makes the cloud ambiguous, 0 to 1.",
+    ),
     ("map", "How maps are built."),
-    ("map.window_step_m", "Metres of travel from one window to the next; each window is an accumulated cloud."),
-    ("map.merge_overlap", "Two segments are one object when their voxels overlap by at least this, intersection over union; above 1 nothing is merged."),
+    (
+        "map.window_step_m",
+        "Metres of travel from one window to the next; each window is an accumulated cloud.",
+    ),
+    (
+        "map.merge_overlap",
+        "Two segments are one object when their voxels overlap by at least this, intersection over union; above 1 nothing is merged.",
+    ),
     ("map.ground_voxel_m", "The ground is kept at one point a voxel of this edge, metres."),
 ];
 

@@ -65,10 +65,21 @@ pub(crate) fn table(path: &Path, map: &Map) -> String {
     let rows = [
         ("map", path.display().to_string()),
         ("built from", map.source().to_owned()),
-        ("size on disk", format!("{:.1} MB, format {}.{}", map.file_size() as f64 / 1e6, FORMAT_VERSION.0, FORMAT_VERSION.1)),
+        (
+            "size on disk",
+            format!(
+                "{:.1} MB, format {}.{}",
+                map.file_size() as f64 / 1e6,
+                FORMAT_VERSION.0,
+                FORMAT_VERSION.1
+            ),
+        ),
         ("segments", map.len().to_string()),
         ("points", map.point_count().to_string()),
-        ("descriptor", format!("{} (version {}, {} numbers)", descriptor.name, descriptor.version, descriptor.dim)),
+        (
+            "descriptor",
+            format!("{} (version {}, {} numbers)", descriptor.name, descriptor.version, descriptor.dim),
+        ),
         ("covers", place),
         ("extent", format!("{:.0} x {:.0} x {:.0} m", size[0], size[1], size[2])),
         ("frame", map.frame_id().to_owned()),

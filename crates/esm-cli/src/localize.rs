@@ -66,7 +66,9 @@ fn warn_of_other_segments(map: &Map, config: &Config) {
     // Settings of another version may not be readable; the descriptor's version is what must agree.
     let Ok(built) = toml::from_str::<Config>(map.settings()) else { return };
     if built.segment != config.segment {
-        tracing::warn!("the map was built with another [segment] configuration: expect fewer clouds to be located");
+        tracing::warn!(
+            "the map was built with another [segment] configuration: expect fewer clouds to be located"
+        );
     }
 }
 
@@ -127,7 +129,8 @@ impl<'a> Run<'a> {
         if let Some(drive) = &mut self.drive {
             drive.push(result, stretch, pose_odom_sensor, judgement);
         }
-        if let (Some(writer), Verdict::Located, Some(pose)) = (&mut self.poses, result.verdict, &result.pose_map_sensor)
+        if let (Some(writer), Verdict::Located, Some(pose)) =
+            (&mut self.poses, result.verdict, &result.pose_map_sensor)
         {
             writer.write(stamp_ns, pose, result.covariance.as_ref())?;
         }
@@ -159,7 +162,9 @@ impl<'a> Run<'a> {
     }
 
     fn caption(&self) -> Caption {
-        let name = |p: &std::path::Path| p.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let name = |p: &std::path::Path| {
+            p.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+        };
         let inputs: Vec<String> = self.args.inputs.iter().map(|p| name(p)).collect();
         let t = &self.tally;
         let mut figures = vec![format!("{} of {} clouds located", t.located, t.clouds)];
@@ -168,7 +173,7 @@ impl<'a> Run<'a> {
             figures.push(format!("{} false", t.wrong));
         }
         if let (Some(m), Some(deg)) = (t.errors_m.at(0.5), t.errors_deg.at(0.5)) {
-            figures.push(format!("median error {m:.2} m, {deg:.2}°"));
+            figures.push(format!("median error {m:.3} m, {deg:.3}°"));
         }
         if self.accumulate_m > 0.0 {
             figures.push(format!("{} m a cloud", self.accumulate_m));

@@ -48,7 +48,9 @@ pub(crate) fn run(args: LoopsArgs) -> anyhow::Result<Outcome> {
             accumulator = Accumulator::new(config.accumulate.clone())?;
         }
         let sweep = &frame.sweep;
-        let Some(live) = accumulator.push(sweep.stamp, &sweep.cloud, sweep.pose_odom_sensor) else { continue };
+        let Some(live) = accumulator.push(sweep.stamp, &sweep.cloud, sweep.pose_odom_sensor) else {
+            continue;
+        };
         let (stamp, pose_odom_sensor) = (live.stamp, live.pose_odom_sensor);
         numbers.push((stamp, frame.number));
         if let (Some(graph), Some(pose)) = (&mut graph, &pose_odom_sensor) {

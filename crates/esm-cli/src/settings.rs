@@ -35,7 +35,12 @@ pub(crate) fn configure(tune: &TuneArgs, live: &LiveArgs) -> anyhow::Result<Conf
     if live.swathes {
         config.accumulate.swathes = true;
     }
-    config.check().map_err(|e| anyhow::Error::new(e).context(origin(tune)))?;
+    config.check().map_err(|e| {
+        Failure::new(
+            format!("{}: {e}", origin(tune)),
+            "`esm-cli config` prints the defaults and what they mean",
+        )
+    })?;
     start_threads(tune.threads)?;
     Ok(config)
 }
@@ -51,13 +56,20 @@ fn origin(tune: &TuneArgs) -> String {
 /// Reads a configuration; keys that do not exist are refused.
 fn read(path: &Path) -> anyhow::Result<Config> {
     let text = std::fs::read_to_string(path).map_err(|e| {
-        Failure::new(format!("{}: reading it: {e}", path.display()), "`esm-cli config > FILE` writes a complete one")
+        Failure::new(
+            format!("{}: reading it: {e}", path.display()),
+            "`esm-cli config > FILE` writes a complete one",
+        )
     })?;
     toml::from_str(&text).map_err(|e: toml::de::Error| {
         let line = e.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
         let place = line.map(|n| format!(":{n}")).unwrap_or_default();
         let what = e.message().trim_end().replace('\n', " ");
-        Failure::new(format!("{}{place}: {what}", path.display()), "`esm-cli config` prints every key there is").into()
+        Failure::new(
+            format!("{}{place}: {what}", path.display()),
+            "`esm-cli config` prints every key there is",
+        )
+        .into()
     })
 }
 
@@ -67,9 +79,10 @@ fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
         let what = format!("--threads {threads}: that many cannot work");
         return Err(Failure::new(what, format!("give 1 to {MAX_THREADS}")).into());
     }
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| {
-        Failure::new(format!("--threads {threads}: {e}"), "give fewer threads").into()
-    })
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()
+        .map_err(|e| Failure::new(format!("--threads {threads}: {e}"), "give fewer threads").into())
 }
 
 #[cfg(test)]
@@ -97,7 +110,8 @@ mod tests {
 
     #[test]
     fn unknown_keys_are_named_with_their_line() {
-        let error = with("seed = 1\n[accumulate]\ndistance = 5.0\n", TuneArgs::default(), LiveArgs::default());
+        let error =
+            with("seed = 1\n[accumulate]\ndistance = 5.0\n", TuneArgs::default(), LiveArgs::default());
         let error = error.unwrap_err();
         assert!(error.starts_with("esm.toml:3: unknown field `distance`, expected"), "{error}");
         assert!(error.ends_with("hint: `esm-cli config` prints every key there is"), "{error}");

@@ -19,7 +19,8 @@ impl FromStr for FrameRange {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let (first, last) = text.split_once('-').unwrap_or((text, text));
-        let number = |s: &str| s.trim().parse::<usize>().map_err(|_| format!("'{text}' is not of the form A-B"));
+        let number =
+            |s: &str| s.trim().parse::<usize>().map_err(|_| format!("'{text}' is not of the form A-B"));
         let range = Self { first: number(first)?, last: number(last)? };
         if range.first == 0 {
             return Err("scans are counted from 1".to_owned());
@@ -63,14 +64,18 @@ impl Selection {
         }
         let (from_s, to_s) = (args.from.unwrap_or(0.0), args.to.unwrap_or(f64::INFINITY));
         if to_s < from_s {
-            return Err(Failure::new(format!("--from {from_s} --to {to_s} ends before it begins"), "swap them"));
+            return Err(Failure::new(
+                format!("--from {from_s} --to {to_s} ends before it begins"),
+                "swap them",
+            ));
         }
         Ok(Self { ranges, from_s, to_s })
     }
 
     /// Whether a scan is used: its number, and its time since the first one.
     pub(crate) fn holds(&self, number: usize, elapsed_s: f64) -> bool {
-        let numbered = self.ranges.is_empty() || self.ranges.iter().any(|r| (r.first..=r.last).contains(&number));
+        let numbered =
+            self.ranges.is_empty() || self.ranges.iter().any(|r| (r.first..=r.last).contains(&number));
         // Stamps out of order may lie before the first one.
         numbered && elapsed_s <= self.to_s && (elapsed_s >= self.from_s || self.from_s == 0.0)
     }
@@ -148,7 +153,9 @@ mod tests {
         assert!(selection(&[], Some(-1.0), None).unwrap_err().contains("--from -1"));
         assert!(selection(&[], None, Some(f64::NAN)).unwrap_err().contains("--to NaN"));
         let s = selection(&["3-4", "9-12"], None, None).unwrap();
-        assert!(s.check(8, 1.0, 2).unwrap_err().to_string().contains("--frames 9-12: the input holds 8 scans"));
+        assert!(
+            s.check(8, 1.0, 2).unwrap_err().to_string().contains("--frames 9-12: the input holds 8 scans")
+        );
         assert!(s.check(10, 1.0, 4).is_ok());
         let s = selection(&[], Some(50.0), None).unwrap();
         assert!(s.check(8, 1.5, 0).unwrap_err().to_string().ends_with("hint: the scans span 1.500 s"));

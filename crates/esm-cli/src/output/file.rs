@@ -22,13 +22,15 @@ impl Format {
     /// [`Failure`] with the possible ones.
     pub(crate) fn of<'a>(path: &Path, formats: &'a [Format]) -> Result<&'a Format, Failure> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        formats.iter().find(|f| name.ends_with(f.extension) && name.len() > f.extension.len()).ok_or_else(|| {
-            let all: Vec<&str> = formats.iter().map(|f| f.extension).collect();
-            Failure::new(
-                format!("{}: the extension decides the format, and this one is unknown", path.display()),
-                format!("end the name in {}", all.join(" or ")),
-            )
-        })
+        formats.iter().find(|f| name.ends_with(f.extension) && name.len() > f.extension.len()).ok_or_else(
+            || {
+                let all: Vec<&str> = formats.iter().map(|f| f.extension).collect();
+                Failure::new(
+                    format!("{}: the extension decides the format, and this one is unknown", path.display()),
+                    format!("end the name in {}", all.join(" or ")),
+                )
+            },
+        )
     }
 }
 

@@ -100,9 +100,10 @@ mod tests {
     fn lines_have_g2os_shape() {
         let text = graph();
         let lines: Vec<Vec<&str>> = text.lines().map(|l| l.split(' ').collect()).collect();
-        assert_eq!(lines.iter().map(|l| l[0]).collect::<Vec<_>>(), [
-            "VERTEX_SE3:QUAT", "FIX", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "EDGE_SE3:QUAT"
-        ]);
+        assert_eq!(
+            lines.iter().map(|l| l[0]).collect::<Vec<_>>(),
+            ["VERTEX_SE3:QUAT", "FIX", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "EDGE_SE3:QUAT"]
+        );
         assert_eq!(lines[0].len(), 9);
         assert_eq!(lines[3].len(), 3 + 7 + 21);
         assert_eq!(lines[3][1..10], ["0", "1", "1", "0", "0", "0", "0", "0", "1"]);

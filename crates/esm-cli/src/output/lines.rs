@@ -84,7 +84,18 @@ pub(crate) fn timings_ms(timings: &Timings) -> Map<String, Value> {
 pub(crate) fn table_header(with_truth: bool) -> String {
     let mut head = format!(
         "{:>20} {:<9} {:>11} {:>11} {:>8} {:>7} {:>7} {:>5} {:>5} {:>7} {:>7} {:>8}",
-        "stamp [s]", "verdict", "x [m]", "y [m]", "z [m]", "yaw [°]", "held[m]", "segs", "inl.", "score", "second", "ms"
+        "stamp [s]",
+        "verdict",
+        "x [m]",
+        "y [m]",
+        "z [m]",
+        "yaw [°]",
+        "held[m]",
+        "segs",
+        "inl.",
+        "score",
+        "second",
+        "ms"
     );
     if with_truth {
         head.push_str(&format!(" {:>9} {:>9}", "error [m]", "error [°]"));
@@ -163,8 +174,18 @@ mod tests {
         let value: Value = serde_json::from_str(&json_line(&result(), None).unwrap()).unwrap();
         let keys: Vec<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
         let mut want = [
-            "stamp", "verdict", "reason", "pose", "covariance", "travel_m", "segments", "described", "inliers",
-            "score", "runner_up", "timings_ms",
+            "stamp",
+            "verdict",
+            "reason",
+            "pose",
+            "covariance",
+            "travel_m",
+            "segments",
+            "described",
+            "inliers",
+            "score",
+            "runner_up",
+            "timings_ms",
         ];
         want.sort_unstable();
         assert_eq!(keys, want);

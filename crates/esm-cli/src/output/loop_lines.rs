@@ -49,9 +49,15 @@ pub(crate) fn loop_header(with_truth: bool) -> String {
 }
 
 /// A row of the table.
-pub(crate) fn loop_row(result: &Localization, closure: &LoopClosure, judgement: Option<&Judgement>) -> String {
-    let (t, yaw) =
-        (closure.pose_from_to.translation.vector, closure.pose_from_to.rotation.euler_angles().2.to_degrees());
+pub(crate) fn loop_row(
+    result: &Localization,
+    closure: &LoopClosure,
+    judgement: Option<&Judgement>,
+) -> String {
+    let (t, yaw) = (
+        closure.pose_from_to.translation.vector,
+        closure.pose_from_to.rotation.euler_angles().2.to_degrees(),
+    );
     let mut line = format!(
         "{:>20.6} {:>20.6} {:>8.2} {:>8.2} {:>8.2} {:>7.1} {:>5} {:>7.2} {:>7.2} {:>8.1}",
         closure.stamp_from,

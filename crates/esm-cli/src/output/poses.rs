@@ -48,7 +48,8 @@ impl PoseWriter {
             Self::Tum(target) => {
                 let (t, q) = (pose.translation.vector, pose.rotation.coords);
                 let sign = if stamp_ns < 0 { "-" } else { "" };
-                let (s, ns) = (stamp_ns.unsigned_abs() / 1_000_000_000, stamp_ns.unsigned_abs() % 1_000_000_000);
+                let (s, ns) =
+                    (stamp_ns.unsigned_abs() / 1_000_000_000, stamp_ns.unsigned_abs() % 1_000_000_000);
                 writeln!(
                     target,
                     "{sign}{s}.{ns:09} {:.9} {:.9} {:.9} {:.9} {:.9} {:.9} {:.9}",

@@ -36,7 +36,8 @@ impl StageTimes {
 
     /// `{"total": {"p50":..,"p95":..,"max":..}, ...}`, milliseconds.
     pub(crate) fn json(&self) -> Value {
-        let of = |q: &Quantiles| json!({"p50": micro(q.at(0.5)), "p95": micro(q.at(0.95)), "max": micro(q.max())});
+        let of =
+            |q: &Quantiles| json!({"p50": micro(q.at(0.5)), "p95": micro(q.at(0.95)), "max": micro(q.max())});
         Value::Object(self.stages.iter().map(|(name, q)| ((*name).to_owned(), of(q))).collect())
     }
 

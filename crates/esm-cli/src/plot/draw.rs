@@ -10,8 +10,8 @@ use super::style::*;
 use super::view::{View, round_length};
 use super::{Caption, backdrop};
 
-/// Match lines are drawn for clouds at least this far apart, pixels: more would be one green smear.
-const MATCHES_APART_PX: f64 = 56.0;
+/// Match lines are drawn for clouds at least this far apart, pixels and metres: more would be one green smear.
+const MATCHES_APART: (f64, f64) = (56.0, 28.0);
 /// Markers of one kind at least this far apart, pixels.
 const MARKERS_APART_PX: f64 = 5.0;
 /// Positions of the mapped path farther apart are not joined, metres.
@@ -75,7 +75,12 @@ fn view(map: &Map, places: &[Place]) -> View {
 
 fn area(view: &View) -> Rectangle {
     let [x, y] = view.pixel([view.min[0], view.max[1]]);
-    Rectangle::new().set("x", x).set("y", y).set("width", view.area[0]).set("height", view.area[1]).set("fill", PAPER)
+    Rectangle::new()
+        .set("x", x)
+        .set("y", y)
+        .set("width", view.area[0])
+        .set("height", view.area[1])
+        .set("fill", PAPER)
 }
 
 fn grid(view: &View) -> Group {
@@ -109,9 +114,9 @@ fn axes(view: &View) -> Group {
     let [left, bottom] = view.pixel(view.min);
     let (middle_x, middle_y) = (left + 0.5 * view.area[0], bottom - 0.5 * view.area[1]);
     let upright = format!("rotate(-90 26 {middle_y})");
-    group
-        .add(text("x in the map [m]", [middle_x, bottom + 52.0]).set("text-anchor", "middle"))
-        .add(text("y in the map [m]", [26.0, middle_y]).set("text-anchor", "middle").set("transform", upright))
+    group.add(text("x in the map [m]", [middle_x, bottom + 52.0]).set("text-anchor", "middle")).add(
+        text("y in the map [m]", [26.0, middle_y]).set("text-anchor", "middle").set("transform", upright),
+    )
 }
 
 fn scale_bar(view: &View) -> Group {
@@ -183,10 +188,11 @@ fn mapped_path(map: &Map, view: &View) -> Path {
 fn matches(places: &[Place], view: &View) -> Group {
     let mut lines = Data::new();
     let mut dots = Group::new().set("fill", MATCH);
+    let least_px = MATCHES_APART.0.max(MATCHES_APART.1 * view.scale);
     let mut last: Option<[f64; 2]> = None;
     for place in places.iter().filter(|p| !p.matched.is_empty()) {
         let from = view.pixel(place.at);
-        if last.is_some_and(|l| apart(l, from) < MATCHES_APART_PX) {
+        if last.is_some_and(|l| apart(l, from) < least_px) {
             continue;
         }
         last = Some(from);
@@ -196,7 +202,8 @@ fn matches(places: &[Place], view: &View) -> Group {
             dots = dots.add(circle(to, 2.6));
         }
     }
-    let lines = Path::new().set("d", lines).set("stroke", MATCH).set("stroke-width", 1.1).set("stroke-opacity", 0.6);
+    let lines =
+        Path::new().set("d", lines).set("stroke", MATCH).set("stroke-width", 1.1).set("stroke-opacity", 0.6);
     Group::new().add(lines).add(dots)
 }
 
@@ -206,9 +213,8 @@ fn drive(places: &[Place], view: &View) -> Group {
         let [x, y] = view.pixel(place.at);
         driven = if place.starts { driven.move_to((x, y)) } else { driven.line_to((x, y)) };
     }
-    let mut group = Group::new().add(
-        Path::new().set("d", driven).set("fill", "none").set("stroke", DRIVE).set("stroke-width", 1.4),
-    );
+    let mut group = Group::new()
+        .add(Path::new().set("d", driven).set("fill", "none").set("stroke", DRIVE).set("stroke-width", 1.4));
     // The rarer and the graver on top.
     for found in [Found::Located, Found::NotLocated, Found::Ambiguous, Found::False] {
         let mut last: Option<[f64; 2]> = None;
@@ -232,15 +238,16 @@ fn drive(places: &[Place], view: &View) -> Group {
 fn marker(found: Found, [x, y]: [f64; 2]) -> Group {
     let group = Group::new();
     match found {
-        Found::Located => group.add(
-            circle([x, y], 5.2).set("fill", LOCATED).set("stroke", PAPER).set("stroke-width", 1.2),
-        ),
-        Found::NotLocated => {
-            group.add(circle([x, y], 4.6).set("fill", PAPER).set("stroke", NOT_LOCATED).set("stroke-width", 2.4))
+        Found::Located => {
+            group.add(circle([x, y], 5.2).set("fill", LOCATED).set("stroke", PAPER).set("stroke-width", 1.2))
         }
+        Found::NotLocated => group
+            .add(circle([x, y], 4.6).set("fill", PAPER).set("stroke", NOT_LOCATED).set("stroke-width", 2.4)),
         Found::Ambiguous => {
             let d = format!("M{x} {}l6.5 6.5l-6.5 6.5l-6.5-6.5z", y - 6.5);
-            group.add(Path::new().set("d", d).set("fill", AMBIGUOUS).set("stroke", PAPER).set("stroke-width", 1.2))
+            group.add(
+                Path::new().set("d", d).set("fill", AMBIGUOUS).set("stroke", PAPER).set("stroke-width", 1.2),
+            )
         }
         Found::False => {
             let d = format!("M{} {}l14 14m0-14l-14 14", x - 7.0, y - 7.0);
@@ -294,9 +301,8 @@ fn legend(map: &Map, places: &[Place], unplaced: usize, view: &View) -> Group {
     }
     if unplaced > 0 {
         let note = format!("{unplaced} clouds have no known place and are not drawn");
-        group = group.add(
-            text(note, [WIDTH - MARGIN[2], 92.0]).set("text-anchor", "end").set("fill", FAINT_INK),
-        );
+        group =
+            group.add(text(note, [WIDTH - MARGIN[2], 92.0]).set("text-anchor", "end").set("fill", FAINT_INK));
     }
     group
 }

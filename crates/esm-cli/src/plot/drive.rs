@@ -68,7 +68,9 @@ impl Drive {
             found,
             claimed: located.filter(|_| wrong).map(|p| flat(&p)),
             matched: match found {
-                Found::Located => result.matches.iter().map(|m| [m.map_centroid_map[0], m.map_centroid_map[1]]).collect(),
+                Found::Located => {
+                    result.matches.iter().map(|m| [m.map_centroid_map[0], m.map_centroid_map[1]]).collect()
+                }
                 _ => Vec::new(),
             },
         });

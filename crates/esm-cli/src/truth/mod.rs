@@ -61,8 +61,10 @@ mod tests {
     fn errors_are_metres_and_degrees() {
         let truth = Pose::new(Vector3::new(1e6, 2e6, 3.0), Vector3::z() * 1.0);
         let turn = UnitQuaternion::new(Vector3::x() * 0.05);
-        let pose =
-            Pose::from_parts((truth.translation.vector + Vector3::new(3.0, 4.0, 0.0)).into(), turn * truth.rotation);
+        let pose = Pose::from_parts(
+            (truth.translation.vector + Vector3::new(3.0, 4.0, 0.0)).into(),
+            turn * truth.rotation,
+        );
         let error = PoseError::between(&pose, &truth);
         assert!((error.m - 5.0).abs() < 1e-9);
         assert!((error.deg - 0.05f64.to_degrees()).abs() < 1e-9);

@@ -109,7 +109,9 @@ mod tests {
     fn the_grid_finds_what_a_full_search_finds() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let path: Vec<[f64; 3]> = (0..200)
-            .map(|_| [rng.random_range(-60.0..60.0), rng.random_range(-60.0..60.0), rng.random_range(-3.0..3.0)])
+            .map(|_| {
+                [rng.random_range(-60.0..60.0), rng.random_range(-60.0..60.0), rng.random_range(-3.0..3.0)]
+            })
             .collect();
         // Every position on its own: far apart in order, so that nothing is joined.
         let mut apart = Vec::new();
@@ -118,7 +120,8 @@ mod tests {
         }
         let places = Places::along(&apart);
         for _ in 0..2000 {
-            let q = [rng.random_range(-80.0..80.0), rng.random_range(-80.0..80.0), rng.random_range(-9.0..9.0)];
+            let q =
+                [rng.random_range(-80.0..80.0), rng.random_range(-80.0..80.0), rng.random_range(-9.0..9.0)];
             assert_eq!(places.holds(&q), path.iter().any(|p| distance(p, &q) <= LOCALIZABLE_M), "{q:?}");
         }
     }

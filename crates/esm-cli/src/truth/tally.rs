@@ -181,7 +181,8 @@ mod tests {
 
     /// A robot that drives along x, a metre a second, in a map of its first 50 m.
     fn tally(results: &[Localization]) -> Tally {
-        let truth = Trajectory::new((0..=100).map(|i| (i as f64, Pose::translation(i as f64, 0.0, 0.0))).collect());
+        let truth =
+            Trajectory::new((0..=100).map(|i| (i as f64, Pose::translation(i as f64, 0.0, 0.0))).collect());
         let path: Vec<[f64; 3]> = (0..=50).map(|i| [i as f64, 0.0, 0.0]).collect();
         let places = Places::along(&path);
         let mut tally = Tally::default();
@@ -195,15 +196,15 @@ mod tests {
     fn recall_counts_full_clouds_only_and_false_counts_all() {
         use Verdict::{Ambiguous, Located, NotFound};
         let t = tally(&[
-            result(5.0, Located, Some(5.0), 5.0),     // correct, too short for recall
-            result(6.0, Located, Some(9.0), 6.0),     // false, too short for recall
-            result(30.0, Located, Some(30.5), 20.0),  // found
-            result(31.0, NotFound, None, 19.0),       // missed: 95 % of 20 m count as full
+            result(5.0, Located, Some(5.0), 5.0),      // correct, too short for recall
+            result(6.0, Located, Some(9.0), 6.0),      // false, too short for recall
+            result(30.0, Located, Some(30.5), 20.0),   // found
+            result(31.0, NotFound, None, 19.0),        // missed: 95 % of 20 m count as full
             result(32.0, Ambiguous, Some(99.0), 20.0), // missed, and nothing false was claimed
-            result(59.0, Located, Some(59.0), 20.0),  // found: 9 m from the path's end
-            result(80.0, Located, Some(80.0), 20.0),  // correct where nothing was expected
-            result(81.0, Located, Some(10.0), 20.0),  // false there
-            result(200.0, Located, Some(0.0), 20.0),  // outside the truth
+            result(59.0, Located, Some(59.0), 20.0),   // found: 9 m from the path's end
+            result(80.0, Located, Some(80.0), 20.0),   // correct where nothing was expected
+            result(81.0, Located, Some(10.0), 20.0),   // false there
+            result(200.0, Located, Some(0.0), 20.0),   // outside the truth
         ]);
         assert_eq!((t.clouds, t.outside_truth), (8, 1));
         assert_eq!((t.located, t.ambiguous, t.not_found), (6, 1, 1));
