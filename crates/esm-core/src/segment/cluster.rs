@@ -6,7 +6,11 @@
 //! moving pointers; two cells are compared only where they are not connected yet, and the comparison ends at the first
 //! pair in reach. No hashing, and no memory that grows with the extent of the cloud.
 
+mod pairs;
+
+use super::disjoint_sets::DisjointSets;
 use super::radix::{Word, bits_for, floor_i64, sort_by_key};
+use pairs::any_linked;
 
 /// Largest difference of the keys of two cells that can hold a linked pair: with cells of tolerance / sqrt(3), two on
 /// each axis. That is one block.
@@ -18,9 +22,6 @@ const CELL_OVER_TOLERANCE: f64 = 0.5768;
 
 /// Beyond this many cells from the origin, f32 coordinates are thousands of cells apart: each value gets its own key.
 const LAST_REGULAR_CELL: i64 = 1 << 40;
-
-/// Pairs of cells with more point pairs than this are bisected instead of compared point by point.
-const MAX_BRUTE_FORCE_PAIRS: usize = 128;
 
 /// Connected components of the points, as ascending indices, ordered by their smallest index.
 ///
@@ -313,80 +314,6 @@ fn close_gaps(keys: &[[i64; 3]], axis: usize) -> Vec<u32> {
         closed.push(at);
     }
     keys.iter().map(|k| closed[distinct.partition_point(|d| *d < k[axis])]).collect()
-}
-
-#[inline]
-fn distance2(p: &[f32; 3], q: &[f32; 3]) -> f32 {
-    let (dx, dy, dz) = (p[0] - q[0], p[1] - q[1], p[2] - q[2]);
-    (dx * dx + dy * dy) + dz * dz
-}
-
-/// Whether any point of `a` is linked with any of `b`. Reorders points within the slices.
-#[inline]
-fn any_linked(a: &mut [[f32; 3]], b: &mut [[f32; 3]], tolerance2: f32) -> bool {
-    if a.len() * b.len() <= MAX_BRUTE_FORCE_PAIRS {
-        a.iter().any(|p| b.iter().any(|q| distance2(p, q) <= tolerance2))
-    } else {
-        any_linked_bisecting(a, b, tolerance2)
-    }
-}
-
-/// [`any_linked`] for crowded cells: boxes decide where they can, else the larger side is halved.
-fn any_linked_bisecting(a: &mut [[f32; 3]], b: &mut [[f32; 3]], tolerance2: f32) -> bool {
-    let ((low_a, high_a), (low_b, high_b)) = (bounds(a), bounds(b));
-    // f32 subtraction, product and sum are monotonic: what holds for the boxes holds for every pair, rounding included.
-    let gap: [f32; 3] = std::array::from_fn(|i| (low_a[i] - high_b[i]).max(low_b[i] - high_a[i]).max(0.0));
-    let span: [f32; 3] = std::array::from_fn(|i| (high_a[i] - low_b[i]).max(high_b[i] - low_a[i]));
-    if distance2(&gap, &[0.0; 3]) > tolerance2 {
-        return false;
-    }
-    if distance2(&span, &[0.0; 3]) <= tolerance2 {
-        return true;
-    }
-    let (larger, other, low, high) =
-        if a.len() >= b.len() { (a, b, low_a, high_a) } else { (b, a, low_b, high_b) };
-    let extent: [f32; 3] = std::array::from_fn(|i| high[i] - low[i]);
-    let axis = (0..3).fold(0, |best, i| if extent[i] > extent[best] { i } else { best });
-    let middle = larger.len() / 2;
-    larger.select_nth_unstable_by(middle, |p, q| p[axis].total_cmp(&q[axis]));
-    let (left, right) = larger.split_at_mut(middle);
-    any_linked(left, other, tolerance2) || any_linked(right, other, tolerance2)
-}
-
-fn bounds(points: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
-    points.iter().fold(([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]), |(low, high), p| {
-        (std::array::from_fn(|a| low[a].min(p[a])), std::array::from_fn(|a| high[a].max(p[a])))
-    })
-}
-
-/// Union-find; the smaller index is the root, so the sets do not depend on the order of the unions.
-pub(super) struct DisjointSets {
-    parent: Vec<u32>,
-}
-
-impl DisjointSets {
-    pub(super) fn new(n: usize) -> Self {
-        Self { parent: (0..n as u32).collect() }
-    }
-
-    #[inline]
-    pub(super) fn find(&mut self, mut i: u32) -> u32 {
-        loop {
-            let parent = self.parent[i as usize];
-            if parent == i {
-                return i;
-            }
-            let grand = self.parent[parent as usize];
-            self.parent[i as usize] = grand;
-            i = grand;
-        }
-    }
-
-    #[inline]
-    pub(super) fn unite(&mut self, root_a: u32, root_b: u32) {
-        let (low, high) = (root_a.min(root_b), root_a.max(root_b));
-        self.parent[high as usize] = low;
-    }
 }
 
 #[cfg(test)]

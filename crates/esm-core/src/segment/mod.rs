@@ -2,6 +2,7 @@
 
 mod cluster;
 mod config;
+mod disjoint_sets;
 mod ground;
 mod radix;
 mod voxel;
@@ -85,5 +86,56 @@ impl Segment {
         }
         let centroid = sum.map(|s| (s / points.len() as f64) as f32);
         Some(Self { points, centroid, min, max })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A floor with three columns 2 m apart, 0.9 m wide, and one too small to keep.
+    fn hall() -> Vec<[f32; 3]> {
+        let mut points = Vec::new();
+        for i in 0..10_000 {
+            points.push([(i % 100) as f32 * 0.15, (i / 100) as f32 * 0.15, (i % 7) as f32 * 0.004]);
+        }
+        for (x, size) in [(3.0, 9), (5.9, 9), (8.8, 9), (12.0, 2)] {
+            for i in 0..size * size {
+                for k in 0..20 {
+                    points.push([x + (i % size) as f32 * 0.1, 7.0 + (i / size) as f32 * 0.1, k as f32 * 0.1]);
+                }
+            }
+        }
+        points
+    }
+
+    #[test]
+    fn columns_become_segments_and_the_floor_does_not() {
+        let cloud = PointCloud::try_new(hall()).unwrap();
+        let result = segment(&cloud, &SegmentConfig::default());
+        assert_eq!(result.segments.len(), 3);
+        for (segment, x) in result.segments.iter().zip([3.4, 6.3, 9.2]) {
+            assert!((segment.centroid[0] - x).abs() < 0.2, "{:?}", segment.centroid);
+            assert!(segment.min[2] < 0.3 && segment.max[2] > 1.8, "{:?} {:?}", segment.min, segment.max);
+        }
+        assert!(result.ground.iter().all(|p| p[2] < 0.3) && result.ground.len() > 4_000);
+        let kept: usize = result.segments.iter().map(|s| s.points.len()).sum();
+        assert!(kept + result.ground.len() < result.voxelled, "the small column is in neither");
+    }
+
+    #[test]
+    fn the_order_of_the_points_does_not_matter() {
+        let points = hall();
+        // 7,919 is prime and no divisor of the length: every point comes once.
+        let n = points.len();
+        let shuffled = (0..n).map(|i| points[i * 7919 % n]).collect();
+        let config = SegmentConfig::default();
+        let expected = segment(&PointCloud::try_new(points).unwrap(), &config);
+        assert_eq!(segment(&PointCloud::try_new(shuffled).unwrap(), &config), expected);
+    }
+
+    #[test]
+    fn an_empty_cloud_has_no_segments() {
+        assert_eq!(segment(&PointCloud::default(), &SegmentConfig::default()), Segmentation::default());
     }
 }

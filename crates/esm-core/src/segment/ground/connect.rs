@@ -3,7 +3,7 @@
 
 use super::grid::Grid;
 use super::patch::Patch;
-use crate::segment::cluster::DisjointSets;
+use crate::segment::disjoint_sets::DisjointSets;
 
 /// Cells to either side in which patches are compared: gaps of one cell do not cut a surface.
 const RADIUS: i64 = 2;
