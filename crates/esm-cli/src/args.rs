@@ -50,9 +50,9 @@ pub enum Command {
         command: MapCommand,
     },
     /// Say, cloud by cloud, where in a map a recording was made
-    Localize(LocalizeArgs),
+    Localize(Box<LocalizeArgs>),
     /// Find loop closures inside one recording
-    Loops(LoopsArgs),
+    Loops(Box<LoopsArgs>),
     /// Print the default configuration as commented TOML
     Config,
     /// Print a completion script
@@ -72,7 +72,7 @@ pub enum Command {
 #[derive(Debug, Subcommand)]
 pub enum MapCommand {
     /// Build a map from posed recordings, or from one prior cloud
-    Build(BuildArgs),
+    Build(Box<BuildArgs>),
     /// Say what a map holds
     Info(InfoArgs),
 }
