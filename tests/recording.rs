@@ -34,9 +34,10 @@ impl Recording {
         Ok(Self { writer, points, odometry, sequence: 0 })
     }
 
-    /// A second topic of clouds, on which nothing is written.
-    pub fn add_cloud_topic(&mut self, topic: &str) -> Result<()> {
-        channel(&mut self.writer, topic, "sensor_msgs/msg/PointCloud2").map(drop)
+    /// Writes one cloud on a topic of its own, as of a second sensor.
+    pub fn write_other(&mut self, topic: &str, stamp: f64, points: &[[f32; 3]]) -> Result<()> {
+        let channel = channel(&mut self.writer, topic, "sensor_msgs/msg/PointCloud2")?;
+        self.message(channel, stamp, &point_cloud(stamp, points))
     }
 
     /// Writes one sweep and, with odometry, its pose.

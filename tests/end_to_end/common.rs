@@ -40,7 +40,8 @@ impl Ran {
 
     /// Asserts the exit code.
     pub(crate) fn ended(self, code: i32) -> Self {
-        assert_eq!(self.code, code, "stdout:\n{}\nstderr:\n{}", self.stdout, self.stderr);
+        let tail: Vec<&str> = self.stdout.lines().rev().take(2).collect();
+        assert_eq!(self.code, code, "stdout ends:\n{}\nstderr:\n{}", tail.join("\n"), self.stderr);
         self
     }
 
@@ -79,7 +80,7 @@ pub(crate) use esm;
 
 /// A street, mapped once and driven again.
 pub(crate) struct Town {
-    dir: TempDir,
+    dir: PathBuf,
     pub(crate) map_drive: Vec<Sweep>,
     pub(crate) live_drive: Vec<Sweep>,
 }
@@ -92,7 +93,7 @@ fn pose_world_odom() -> Pose {
 /// The town, its recordings and its map, made once for all tests.
 pub(crate) static TOWN: LazyLock<Town> = LazyLock::new(|| {
     let street = Street::new(7);
-    let dir = tempfile::tempdir().expect("a temporary directory");
+    let dir = lasting_folder("town");
     // Once around is 300 m; the live drive is on another day, in the other half of the lane.
     let map_drive = street.drive(340.0, 0.4, 1000.0, 1);
     let live_drive = street.drive(140.0, 1.6, 5000.0, 2);
@@ -115,8 +116,17 @@ pub(crate) static TOWN: LazyLock<Town> = LazyLock::new(|| {
 impl Town {
     /// A file of the town; writing to names of one's own is allowed.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
-        self.dir.path().join(name)
+        self.dir.join(name)
     }
+}
+
+/// An empty place for files that several tests share: statics are never dropped, so it is cleaned by the next run.
+pub(crate) fn lasting_folder(name: &str) -> PathBuf {
+    let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    // Missing the first time.
+    let _ = std::fs::remove_dir_all(&dir);
+    std::fs::create_dir_all(&dir).expect("a folder under target/");
+    dir
 }
 
 /// A place for a test's own files.

@@ -9,7 +9,13 @@ use crate::inputs::FrameRange;
 
 /// Find a robot in a prior map from LiDAR alone, on a CPU, and say honestly when it cannot be found.
 #[derive(Debug, Parser)]
-#[command(name = "esm-cli", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(
+    name = "esm-cli",
+    bin_name = "esm-cli",
+    version,
+    max_term_width = 100,
+    arg_required_else_help = true
+)]
 #[command(after_help = EXIT_CODES)]
 pub struct Cli {
     /// More to read on stderr; twice for every detail
@@ -44,9 +50,9 @@ pub enum Command {
         command: MapCommand,
     },
     /// Say, cloud by cloud, where in a map a recording was made
-    Localize(LocalizeArgs),
+    Localize(Box<LocalizeArgs>),
     /// Find loop closures inside one recording
-    Loops(LoopsArgs),
+    Loops(Box<LoopsArgs>),
     /// Print the default configuration as commented TOML
     Config,
     /// Print a completion script
@@ -66,7 +72,7 @@ pub enum Command {
 #[derive(Debug, Subcommand)]
 pub enum MapCommand {
     /// Build a map from posed recordings, or from one prior cloud
-    Build(BuildArgs),
+    Build(Box<BuildArgs>),
     /// Say what a map holds
     Info(InfoArgs),
 }
@@ -168,7 +174,7 @@ pub struct LoopsArgs {
 #[command(next_help_heading = "Live clouds")]
 pub struct LiveArgs {
     /// Metres of travel a live cloud holds; 0 makes every sweep a cloud of its own
-    #[arg(long, value_name = "D")]
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
     pub accumulate: Option<f64>,
     /// Clouds that do not overlap, one every D metres
     #[arg(long)]
@@ -186,10 +192,10 @@ pub struct ReadArgs {
     #[arg(long, value_name = "A-B[,C-D]", value_delimiter = ',')]
     pub frames: Vec<FrameRange>,
     /// Only from this many seconds after the first scan
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub from: Option<f64>,
     /// Only up to this many seconds after the first scan
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub to: Option<f64>,
     /// Topic of the point clouds
     #[arg(long, value_name = "TOPIC")]
@@ -213,6 +219,6 @@ pub struct TuneArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,
     /// Seed of everything random
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
 }

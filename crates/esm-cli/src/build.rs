@@ -14,15 +14,15 @@ use crate::{console, info, memory, settings};
 
 const FORMATS: &[Format] = &[Format { extension: ".esm" }];
 
-pub(crate) fn run(args: BuildArgs) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &BuildArgs) -> anyhow::Result<Outcome> {
     let started = std::time::Instant::now();
     Format::of(&args.output, FORMATS)?;
     check_target(&args.output, &args.inputs)?;
     let config = settings::configure(&args.tune, &LiveArgs::default())?;
     let kinds = args.inputs.iter().map(esm_io::classify).collect::<Result<Vec<_>, _>>()?;
     let builder = match (&args.inputs[..], kinds.contains(&InputKind::PriorCloud)) {
-        ([cloud], true) => from_prior_cloud(cloud, &args, &config)?,
-        (_, false) => from_recordings(&args, &config)?,
+        ([cloud], true) => from_prior_cloud(cloud, args, &config)?,
+        (_, false) => from_recordings(args, &config)?,
         (_, true) => {
             return Err(Failure::new(
                 "a map is built from recordings, or from one prior cloud",
@@ -32,7 +32,7 @@ pub(crate) fn run(args: BuildArgs) -> anyhow::Result<Outcome> {
         }
     };
     let bar = console::bar("describing the map", None);
-    let map = builder.finish().map_err(|e| anyhow::Error::new(e).context(names(&args)))?;
+    let map = builder.finish().map_err(|e| anyhow::Error::new(e).context(names(args)))?;
     bar.set_message("writing the map");
     {
         let _unfinished = Unfinished::begin();

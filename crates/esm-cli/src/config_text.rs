@@ -56,6 +56,10 @@ const MEANINGS: &[(&str, &str)] = &[
     ("segment.max_points", "Most points of a segment, after thinning."),
     ("segment.ground", "What counts as ground."),
     ("segment.ground.band", "Height above the ground surface up to which a point is ground, metres."),
+    (
+        "segment.ground.contact_band",
+        "The same where an object stands on the ground, metres: walls and trunks keep their feet.",
+    ),
     ("segment.ground.max_slope", "Steepest ground, rise over run."),
     ("match", "From descriptors to candidate matches."),
     ("match.k", "Candidates a live segment: its nearest map segments in descriptor space."),
@@ -90,16 +94,16 @@ const MEANINGS: &[(&str, &str)] = &[
     ("pose.max_draws", "Most samples drawn for one place. (PROSAC and RANSAC)"),
     ("pose.max_branches", "Most branches visited for one place. (clique)"),
     ("verify", "From places to a verdict."),
-    ("verify.object_points", "Points of objects used for refinement and overlap."),
+    ("verify.structure_points", "Points of what stands on the ground used for refinement and overlap."),
     ("verify.ground_points", "Points of the ground used for refinement."),
     ("verify.min_inliers", "Matches a located cloud must have."),
     (
         "verify.min_overlap",
-        "Share of the cloud's object points that must be found in the map, of those where the map has been seen, 0 to 1.",
+        "Share of the cloud's points above the ground that must be found in the map, of those where the map has been seen, 0 to 1.",
     ),
     (
         "verify.min_seen",
-        "Share of the cloud's object points that must lie where the map has been seen, 0 to 1.",
+        "Share of the cloud's points above the ground that must lie where the map has been seen, 0 to 1.",
     ),
     ("verify.min_score", "Score a located cloud must have: matches times overlap."),
     (
@@ -116,6 +120,14 @@ const MEANINGS: &[(&str, &str)] = &[
         "Two segments are one object when their voxels overlap by at least this, intersection over union; above 1 nothing is merged.",
     ),
     ("map.ground_voxel_m", "The ground is kept at one point a voxel of this edge, metres."),
+    (
+        "map.structure_voxel_m",
+        "What stands on the ground is kept, for verification, at one point a voxel of this edge, metres.",
+    ),
+    (
+        "map.disc_radius_m",
+        "A prior cloud is cut into overlapping discs of this radius, metres, about as far as a live cloud reaches.",
+    ),
 ];
 
 /// The defaults, every key with its meaning above it.
@@ -200,6 +212,6 @@ mod tests {
 
     #[test]
     fn single_precision_values_are_written_as_typed() {
-        assert!(!commented_defaults().unwrap().contains("00000"));
+        assert!(!commented_defaults().unwrap().contains("0000000"));
     }
 }

@@ -13,7 +13,7 @@ use crate::output::data;
 /// Positions of the mapped path farther apart are not one drive, metres.
 const PATH_GAP_M: f64 = 20.0;
 
-pub(crate) fn run(args: InfoArgs) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     let map = Map::open(&args.map)?;
     if args.check {
         map.verify_points()?;

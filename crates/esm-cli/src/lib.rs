@@ -41,10 +41,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 fn run(command: Command) -> anyhow::Result<Outcome> {
     match command {
-        Command::Map { command: MapCommand::Build(args) } => build::run(args),
-        Command::Map { command: MapCommand::Info(args) } => info::run(args),
-        Command::Localize(args) => localize::run(args),
-        Command::Loops(args) => loops::run(args),
+        Command::Map { command: MapCommand::Build(args) } => build::run(&args),
+        Command::Map { command: MapCommand::Info(args) } => info::run(&args),
+        Command::Localize(args) => localize::run(&args),
+        Command::Loops(args) => loops::run(&args),
         Command::Config => config_text::run(),
         Command::Completions { shell } => completions::shell(shell),
         Command::Man { dir } => completions::man(dir.as_deref()),

@@ -15,8 +15,8 @@ use crate::plot::{self, Caption, Drive};
 use crate::settings;
 use crate::truth::{Judgement, Places, Tally, Trajectory};
 
-pub(crate) fn run(args: LocalizeArgs) -> anyhow::Result<Outcome> {
-    check_outputs(&args)?;
+pub(crate) fn run(args: &LocalizeArgs) -> anyhow::Result<Outcome> {
+    check_outputs(args)?;
     let mut config = settings::configure(&args.tune, &args.live)?;
     let map = Arc::new(Map::open(&args.map)?);
     warn_of_other_segments(&map, &config);
@@ -27,7 +27,7 @@ pub(crate) fn run(args: LocalizeArgs) -> anyhow::Result<Outcome> {
         config.accumulate.distance_m = 0.0;
         config.accumulate.swathes = false;
     }
-    let mut run = Run::start(&args, &config, &map, truth)?;
+    let mut run = Run::start(args, &config, &map, truth)?;
     let mut accumulator = Accumulator::new(config.accumulate.clone())?;
     let mut stretch = 0;
     while let Some(frame) = frames.next()? {
@@ -173,7 +173,7 @@ impl<'a> Run<'a> {
             figures.push(format!("{} false", t.wrong));
         }
         if let (Some(m), Some(deg)) = (t.errors_m.at(0.5), t.errors_deg.at(0.5)) {
-            figures.push(format!("median error {m:.2} m, {deg:.2}°"));
+            figures.push(format!("median error {m:.3} m, {deg:.3}°"));
         }
         if self.accumulate_m > 0.0 {
             figures.push(format!("{} m a cloud", self.accumulate_m));

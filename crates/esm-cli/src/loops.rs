@@ -17,7 +17,7 @@ use crate::truth::{Judgement, Places, PoseError, Tally, Trajectory};
 
 const FORMATS: &[Format] = &[Format { extension: ".g2o" }];
 
-pub(crate) fn run(args: LoopsArgs) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &LoopsArgs) -> anyhow::Result<Outcome> {
     if let Some(path) = &args.output {
         Format::of(path, FORMATS)?;
         check_target(path, &args.inputs)?;

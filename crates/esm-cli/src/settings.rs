@@ -35,7 +35,12 @@ pub(crate) fn configure(tune: &TuneArgs, live: &LiveArgs) -> anyhow::Result<Conf
     if live.swathes {
         config.accumulate.swathes = true;
     }
-    config.check().map_err(|e| anyhow::Error::new(e).context(origin(tune)))?;
+    config.check().map_err(|e| {
+        Failure::new(
+            format!("{}: {e}", origin(tune)),
+            "`esm-cli config` prints the defaults and what they mean",
+        )
+    })?;
     start_threads(tune.threads)?;
     Ok(config)
 }

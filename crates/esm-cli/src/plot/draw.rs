@@ -10,8 +10,8 @@ use super::style::*;
 use super::view::{View, round_length};
 use super::{Caption, backdrop};
 
-/// Match lines are drawn for clouds at least this far apart, pixels: more would be one green smear.
-const MATCHES_APART_PX: f64 = 56.0;
+/// Match lines are drawn for clouds at least this far apart, pixels and metres: more would be one green smear.
+const MATCHES_APART: (f64, f64) = (56.0, 28.0);
 /// Markers of one kind at least this far apart, pixels.
 const MARKERS_APART_PX: f64 = 5.0;
 /// Positions of the mapped path farther apart are not joined, metres.
@@ -188,10 +188,11 @@ fn mapped_path(map: &Map, view: &View) -> Path {
 fn matches(places: &[Place], view: &View) -> Group {
     let mut lines = Data::new();
     let mut dots = Group::new().set("fill", MATCH);
+    let least_px = MATCHES_APART.0.max(MATCHES_APART.1 * view.scale);
     let mut last: Option<[f64; 2]> = None;
     for place in places.iter().filter(|p| !p.matched.is_empty()) {
         let from = view.pixel(place.at);
-        if last.is_some_and(|l| apart(l, from) < MATCHES_APART_PX) {
+        if last.is_some_and(|l| apart(l, from) < least_px) {
             continue;
         }
         last = Some(from);
