@@ -40,7 +40,7 @@ impl Default for VerifyConfig {
             structure_points: 3000,
             ground_points: 1000,
             min_inliers: 5,
-            min_overlap: 0.85,
+            min_overlap: 0.88,
             min_seen: 0.3,
             min_score: 4.0,
             max_runner_up: 0.5,
