@@ -4,13 +4,14 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-use super::{Neighbour, settle};
+use super::{Neighbour, in_range, scan, settle};
 
 /// Exact search by scanning the whole map with matrix products.
 pub struct Product {
     descriptors: Vec<f32>,
     norms: Vec<f32>,
     largest_norm: f32,
+    in_range: bool,
     dim: usize,
 }
 
@@ -20,16 +21,22 @@ const BLOCK_ROWS: usize = 2048;
 impl Product {
     /// Indexes row-major `descriptors` of `dim` numbers.
     pub fn new(descriptors: &[f32], dim: usize) -> Self {
+        let dim = dim.max(1);
         let norms: Vec<f32> =
-            descriptors.chunks_exact(dim.max(1)).map(|row| row.iter().map(|v| v * v).sum()).collect();
+            descriptors.chunks_exact(dim).map(|row| row.iter().map(|v| v * v).sum()).collect();
         let largest_norm = norms.iter().copied().fold(0.0, f32::max);
-        Self { descriptors: descriptors.to_vec(), norms, largest_norm, dim }
+        Self { descriptors: descriptors.to_vec(), norms, largest_norm, in_range: in_range(descriptors), dim }
     }
 
     /// For every query row the `k` nearest rows, nearest first.
     pub fn nearest(&self, queries: &[f32], k: usize) -> Vec<Vec<Neighbour>> {
-        let count = queries.len() / self.dim.max(1);
-        let margins: Vec<f32> = queries.chunks_exact(self.dim).map(|q| self.rounding_margin(q)).collect();
+        let dim = self.dim;
+        let count = queries.len() / dim;
+        let k = k.min(self.norms.len());
+        if !self.in_range {
+            return queries.par_chunks_exact(dim).map(|q| scan(q, &self.descriptors, k)).collect();
+        }
+        let margins: Vec<f32> = queries.chunks_exact(dim).map(|q| self.rounding_margin(q)).collect();
         // Each block keeps its own shortlist; which rows are on it depends on the block alone, and `settle` makes
         // the final order unique, so threads change nothing.
         let blocks: Vec<Vec<Shortlist>> = self
@@ -41,6 +48,10 @@ impl Product {
         (0..count)
             .into_par_iter()
             .map(|q| {
+                let query = &queries[q * dim..][..dim];
+                if !in_range(query) {
+                    return scan(query, &self.descriptors, k);
+                }
                 let mut all = Shortlist::new(k, margins[q]);
                 for block in &blocks {
                     for &(distance, row) in &block[q].entries {
@@ -49,7 +60,7 @@ impl Product {
                 }
                 all.shrink();
                 let rows = all.entries.iter().map(|e| e.1);
-                settle(rows, &queries[q * self.dim..][..self.dim], &self.descriptors, k)
+                settle(rows, query, &self.descriptors, k)
             })
             .collect()
     }
@@ -90,10 +101,11 @@ impl Product {
             .collect()
     }
 
-    /// Bound of twice the rounding error of |m|^2 - 2 q.m in f32, so that no true neighbour is lost to it.
+    /// Bound of twice the rounding error of |m|^2 - 2 q.m in f32, so that no true neighbour is lost to it. The last term
+    /// is for numbers so small that their squares underflow.
     fn rounding_margin(&self, query: &[f32]) -> f32 {
         let norm: f32 = query.iter().map(|v| v * v).sum();
-        (self.dim as f32 + 8.0) * 4.0 * f32::EPSILON * (norm + self.largest_norm)
+        (self.dim as f32 + 8.0) * 4.0 * f32::EPSILON * (norm + self.largest_norm) + f32::MIN_POSITIVE
     }
 }
 

@@ -5,7 +5,7 @@ use std::num::NonZero;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-use super::{Neighbour, settle};
+use super::{Neighbour, in_range, scan, settle};
 
 /// A k-d tree over descriptors of up to [`Tree::MAX_DIM`] numbers. Rows are padded with zeros to the next size the
 /// tree is compiled for, which changes no distance.
@@ -25,13 +25,17 @@ enum Padded {
 /// of 24 squares.
 const SLACK: f32 = 1e-5;
 
+/// Neighbours asked of the tree beyond those wanted.
+const SPARE: usize = 2;
+
 impl Tree {
     /// Largest dimension served.
     pub const MAX_DIM: usize = 24;
 
-    /// Indexes row-major `descriptors`; `None` where a k-d tree does not serve (too many dimensions, no rows).
+    /// Indexes row-major `descriptors`; `None` where a k-d tree does not serve: more dimensions than
+    /// [`MAX_DIM`](Self::MAX_DIM), no rows, or numbers beyond 1e16 (squared distances might overflow).
     pub fn try_new(descriptors: &[f32], dim: usize) -> Option<Self> {
-        if dim == 0 || descriptors.is_empty() {
+        if dim == 0 || descriptors.is_empty() || !in_range(descriptors) {
             return None;
         }
         let tree = match dim {
@@ -45,9 +49,14 @@ impl Tree {
 
     /// For every query row the `k` nearest rows, nearest first.
     pub fn nearest(&self, queries: &[f32], k: usize) -> Vec<Vec<Neighbour>> {
+        // The tree makes room for as many as it is asked for.
+        let k = k.min(self.descriptors.len() / self.dim);
         queries
-            .par_chunks(self.dim)
+            .par_chunks_exact(self.dim)
             .map(|query| {
+                if !in_range(query) {
+                    return scan(query, &self.descriptors, k);
+                }
                 let rows = match &self.tree {
                     Padded::D8(tree) => candidates(tree, query, k),
                     Padded::D16(tree) => candidates(tree, query, k),
@@ -70,14 +79,18 @@ fn build<const D: usize>(descriptors: &[f32], dim: usize) -> Option<ImmutableKdT
     ImmutableKdTree::new_from_slice(&rows).ok()
 }
 
-/// Every row that may be among the `k` nearest: all within the tree's k-th distance and a slack for rounding. The
-/// second search also brings in the ties at the k-th distance, of which the first keeps an arbitrary few.
+/// Every row that may be among the `k` nearest: all within the tree's k-th distance and a slack for rounding. A few more
+/// than `k` are asked for: where the last of them lies beyond the slack, nothing was left out. Otherwise (many ties at
+/// the k-th distance, of which the tree keeps an arbitrary few) a second search brings in the rest.
 fn candidates<const D: usize>(tree: &ImmutableKdTree<f32, D>, query: &[f32], k: usize) -> Vec<u32> {
-    let Some(count) = NonZero::new(k) else { return Vec::new() };
+    let (Some(wanted), Some(count)) = (k.checked_sub(1), NonZero::new(k + SPARE)) else { return Vec::new() };
     let query = pad::<D>(query);
     let first = tree.query(&query).nearest_n::<SquaredEuclidean<f32>>(count).execute();
-    let Some(last) = first.last() else { return Vec::new() };
-    let reach = last.distance * (1.0 + SLACK) + f32::MIN_POSITIVE;
+    let (Some(kth), Some(last)) = (first.get(wanted), first.last()) else { return Vec::new() };
+    let reach = kth.distance * (1.0 + SLACK) + f32::MIN_POSITIVE;
+    if first.len() < count.get() || last.distance > reach {
+        return first.into_iter().map(|n| n.item).collect();
+    }
     let found = tree.query(&query).within::<SquaredEuclidean<f32>>(reach).unsorted().execute();
     found.into_iter().map(|n| n.item).collect()
 }
