@@ -86,6 +86,9 @@ pub struct BuildArgs {
     /// Where to write the map
     #[arg(short, long, value_name = "MAP.esm", value_hint = ValueHint::FilePath)]
     pub output: PathBuf,
+    /// Metres of travel a window of the map holds; 0 makes every sweep a window of its own
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
+    pub accumulate: Option<f64>,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub read: ReadArgs,

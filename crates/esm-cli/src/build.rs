@@ -18,7 +18,10 @@ pub(crate) fn run(args: &BuildArgs) -> anyhow::Result<Outcome> {
     let started = std::time::Instant::now();
     Format::of(&args.output, FORMATS)?;
     check_target(&args.output, &args.inputs)?;
-    let config = settings::configure(&args.tune, &LiveArgs::default())?;
+    let live = LiveArgs { accumulate: args.accumulate, swathes: false };
+    let mut config = settings::configure(&args.tune, &live)?;
+    // The builder chooses its windows; the path needs every scan.
+    config.accumulate.swathes = false;
     let kinds = args.inputs.iter().map(esm_io::classify).collect::<Result<Vec<_>, _>>()?;
     let builder = match (&args.inputs[..], kinds.contains(&InputKind::PriorCloud)) {
         ([cloud], true) => from_prior_cloud(cloud, args, &config)?,
