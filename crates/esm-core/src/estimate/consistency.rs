@@ -23,6 +23,15 @@ pub struct ConsistencyGraph {
     neighbours: Vec<u32>,
 }
 
+/// How densely each vertex of a graph is tied in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cores {
+    /// Core number of every vertex.
+    pub numbers: Vec<u32>,
+    /// All vertices in a degeneracy order: each has at most its core number of neighbours behind it.
+    pub order: Vec<u32>,
+}
+
 impl ConsistencyGraph {
     /// Tests every pair of candidates whose map segments are near enough to each other to be one live cloud.
     pub fn new(candidates: &[Candidate], agreement: Agreement) -> Self {
@@ -39,24 +48,36 @@ impl ConsistencyGraph {
                     && agreement.holds(ci, cj, live.get(ci.live, cj.live))
                 {
                     edges.push((i, j));
-                    edges.push((j, i));
                 }
             }
         }
-        Self::from_edges(candidates.len(), edges)
+        Self::from_edges(candidates.len(), &edges)
     }
 
-    /// From directed edges; each undirected edge must be given both ways.
-    pub(super) fn from_edges(vertices: usize, mut edges: Vec<(u32, u32)>) -> Self {
-        edges.sort_unstable();
+    /// From undirected edges, each given once, in any order.
+    pub(super) fn from_edges(vertices: usize, edges: &[(u32, u32)]) -> Self {
         let mut offsets = vec![0u32; vertices + 1];
-        for e in &edges {
-            offsets[e.0 as usize + 1] += 1;
+        for &(a, b) in edges {
+            offsets[a as usize + 1] += 1;
+            offsets[b as usize + 1] += 1;
         }
         for v in 0..vertices {
             offsets[v + 1] += offsets[v];
         }
-        Self { offsets, neighbours: edges.into_iter().map(|e| e.1).collect() }
+        let mut next = offsets.clone();
+        let mut neighbours = vec![0u32; 2 * edges.len()];
+        let mut put = |at: u32, neighbour: u32| {
+            neighbours[next[at as usize] as usize] = neighbour;
+            next[at as usize] += 1;
+        };
+        for &(a, b) in edges {
+            put(a, b);
+            put(b, a);
+        }
+        for v in 0..vertices {
+            neighbours[offsets[v] as usize..offsets[v + 1] as usize].sort_unstable();
+        }
+        Self { offsets, neighbours }
     }
 
     /// Number of vertices.
@@ -82,7 +103,7 @@ impl ConsistencyGraph {
     /// Core number of every vertex (the largest k such that it survives in the k-core) and a degeneracy order.
     ///
     /// A clique of size s lies within the (s-1)-core, so low core numbers rule candidates out at once.
-    pub fn cores(&self) -> (Vec<u32>, Vec<u32>) {
+    pub fn cores(&self) -> Cores {
         let n = self.len();
         let mut degree: Vec<u32> = (0..n).map(|v| self.neighbours(v as u32).len() as u32).collect();
         let largest = degree.iter().copied().max().unwrap_or(0) as usize;
@@ -118,7 +139,7 @@ impl ConsistencyGraph {
                 }
             }
         }
-        (degree, order)
+        Cores { numbers: degree, order }
     }
 }
 
@@ -253,12 +274,12 @@ mod tests {
 
         #[test]
         fn core_numbers_equal_naive_peeling(edges in prop::collection::vec((0u32..25, 0u32..25), 0..150)) {
-            let mut both: Vec<(u32, u32)> =
-                edges.iter().filter(|e| e.0 != e.1).flat_map(|e| [(e.0, e.1), (e.1, e.0)]).collect();
-            both.sort_unstable();
-            both.dedup();
-            let graph = ConsistencyGraph::from_edges(25, both);
-            let (cores, order) = graph.cores();
+            let mut once: Vec<(u32, u32)> =
+                edges.iter().filter(|e| e.0 != e.1).map(|e| (e.0.min(e.1), e.0.max(e.1))).collect();
+            once.sort_unstable();
+            once.dedup();
+            let graph = ConsistencyGraph::from_edges(25, &once);
+            let Cores { numbers: cores, order } = graph.cores();
             let mut naive = [0u32; 25];
             for k in 1..25 {
                 let mut alive = [true; 25];

@@ -15,7 +15,7 @@ mod search;
 pub use candidate::{Candidate, sort_by_quality};
 pub use clique::{Clique, max_clique};
 pub use consensus::{Consensus, NearCentroids, Support};
-pub use consistency::{Agreement, ConsistencyGraph};
+pub use consistency::{Agreement, ConsistencyGraph, Cores};
 pub use rigid::{Estimator, FourDof, Pair, SixDof};
 pub use sampler::{Prosac, Ransac, Sampler};
 pub use search::{Hypothesis, Method, PoseConfig, best_sample, same_place, search};

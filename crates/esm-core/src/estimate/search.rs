@@ -126,24 +126,29 @@ pub struct Hypothesis {
 pub fn search(candidates: &[Candidate], config: &PoseConfig, seed: u64) -> Vec<Hypothesis> {
     let graph = ConsistencyGraph::new(candidates, config.agreement());
     // A group of s matches that all agree lies in the (s-1)-core: what is outside cannot support a place.
-    let (cores, _) = graph.cores();
-    let mut allowed: Vec<bool> = cores.iter().map(|c| *c as usize + 1 >= config.min_inliers).collect();
+    let cores = graph.cores();
+    let mut allowed: Vec<bool> =
+        cores.numbers.iter().map(|c| *c as usize + 1 >= config.min_inliers).collect();
     let mut places: Vec<Hypothesis> = Vec::new();
-    while places.len() < config.hypotheses {
+    // Groups that settle on a known place, or on none, are spent without a gain: the effort on them is bounded too.
+    for _ in 0..2 * config.hypotheses {
+        if places.len() == config.hypotheses {
+            break;
+        }
         let pool: Vec<u32> = (0..candidates.len() as u32).filter(|v| allowed[*v as usize]).collect();
         if pool.len() < config.min_inliers {
             break;
         }
         let group = match config.method {
             Method::Clique => {
-                max_clique(&graph, &allowed, config.min_inliers - 1, config.max_branches).members
+                max_clique(&graph, &cores, &allowed, config.min_inliers - 1, config.max_branches).members
             }
             Method::Prosac | Method::Ransac => sampled_group(candidates, &graph, &pool, config, seed),
         };
         if group.len() < config.min_inliers {
             break;
         }
-        // Whatever comes of the group, it is not looked at again: the search always ends.
+        // Whatever comes of the group, it is not looked at again.
         group.iter().for_each(|v| allowed[*v as usize] = false);
         let Some(place) = settle(candidates, &group, config) else { continue };
         let near = |other: &Hypothesis| {
