@@ -35,19 +35,15 @@ pub struct Cores {
 impl ConsistencyGraph {
     /// Tests every pair of candidates whose map segments are near enough to each other to be one live cloud.
     pub fn new(candidates: &[Candidate], agreement: Agreement) -> Self {
-        let live = LiveDistances::new(candidates);
-        let reach = live.largest + agreement.resolution_m;
-        let bins = Bins::new(candidates, reach);
+        let live = LiveBounds::new(candidates, agreement);
+        let bins = Bins::new(candidates, live.largest + agreement.resolution_m);
         let mut edges = Vec::new();
         for (a, b_range) in bins.pairs() {
-            let i = bins.members[a];
-            for &j in &bins.members[b_range] {
-                let (ci, cj) = (&candidates[i as usize], &candidates[j as usize]);
-                if ci.live != cj.live
-                    && ci.map != cj.map
-                    && agreement.holds(ci, cj, live.get(ci.live, cj.live))
-                {
-                    edges.push((i, j));
+            let (i, first) = bins.members[a];
+            let row = live.row(first.live);
+            for (j, second) in &bins.members[b_range] {
+                if row[second.live as usize].hold(&first, second) && first.map != second.map {
+                    edges.push((i, *j));
                 }
             }
         }
@@ -144,20 +140,36 @@ impl ConsistencyGraph {
 }
 
 impl Agreement {
-    #[inline]
-    fn holds(&self, a: &Candidate, b: &Candidate, live_length: f32) -> bool {
-        let (l, m) = (difference(a.pair.live, b.pair.live), difference(a.pair.map, b.pair.map));
-        let squared = m[0] * m[0] + m[1] * m[1] + m[2] * m[2];
+    /// What two map segments must keep to when their live segments lie `live_length` apart.
+    fn bounds(&self, live_length: f32) -> Bounds {
         let low = (live_length - self.resolution_m).max(0.0);
         let high = live_length + self.resolution_m;
-        if squared < low * low || squared > high * high {
-            return false;
-        }
-        match self.max_tilt_rad {
-            // Tilting by an angle raises a segment at distance d by at most d * angle.
-            Some(tilt) => (l[2] - m[2]).abs() <= self.resolution_m + tilt * live_length,
-            None => true,
-        }
+        // Tilting by an angle raises a segment at distance d by at most d * angle.
+        let rise = self.max_tilt_rad.map_or(f32::INFINITY, |tilt| self.resolution_m + tilt * live_length);
+        Bounds { low: low * low, high: high * high, rise }
+    }
+}
+
+/// Bounds of the squared distance of two map segments, and of how far their relative height may be off.
+#[derive(Clone, Copy)]
+struct Bounds {
+    low: f32,
+    high: f32,
+    rise: f32,
+}
+
+impl Bounds {
+    /// Of a live segment with itself: a match cannot agree with another one of the same live segment.
+    const NEVER: Self = Self { low: f32::INFINITY, high: f32::NEG_INFINITY, rise: 0.0 };
+
+    #[inline]
+    fn hold(&self, a: &Candidate, b: &Candidate) -> bool {
+        let m = difference(a.pair.map, b.pair.map);
+        let squared = m[0] * m[0] + m[1] * m[1] + m[2] * m[2];
+        // Rarely true: only then is the rest looked at.
+        squared >= self.low
+            && squared <= self.high
+            && (a.pair.live[2] - b.pair.live[2] - m[2]).abs() <= self.rise
     }
 }
 
@@ -165,46 +177,48 @@ fn difference(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// Distances between all live segments, computed once.
-struct LiveDistances {
-    lengths: Vec<f32>,
+/// The bounds for all pairs of live segments, computed once.
+struct LiveBounds {
+    bounds: Vec<Bounds>,
     count: usize,
+    /// Largest distance of two live segments, metres.
     largest: f32,
 }
 
-impl LiveDistances {
-    fn new(candidates: &[Candidate]) -> Self {
+impl LiveBounds {
+    fn new(candidates: &[Candidate], agreement: Agreement) -> Self {
         let count = candidates.iter().map(|c| c.live as usize + 1).max().unwrap_or(0);
         let mut centroid = vec![None; count];
         for c in candidates {
             centroid[c.live as usize] = Some(c.pair.live);
         }
-        let mut lengths = vec![0.0f32; count * count];
+        let mut bounds = vec![Bounds::NEVER; count * count];
         let mut largest = 0.0f32;
         for a in 0..count {
             for b in 0..a {
                 if let (Some(p), Some(q)) = (centroid[a], centroid[b]) {
                     let d = difference(p, q);
                     let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-                    lengths[a * count + b] = length;
-                    lengths[b * count + a] = length;
+                    bounds[a * count + b] = agreement.bounds(length);
+                    bounds[b * count + a] = agreement.bounds(length);
                     largest = largest.max(length);
                 }
             }
         }
-        Self { lengths, count, largest }
+        Self { bounds, count, largest }
     }
 
-    fn get(&self, a: u32, b: u32) -> f32 {
-        self.lengths[a as usize * self.count + b as usize]
+    /// The bounds of one live segment with each.
+    fn row(&self, live: u32) -> &[Bounds] {
+        &self.bounds[live as usize * self.count..][..self.count]
     }
 }
 
 /// Candidates by cell of a horizontal grid over the map; the cell's edge is the reach of a live cloud, so consistent
 /// pairs lie in the same or in neighbouring cells.
 struct Bins {
-    /// Candidate indices, sorted by cell (x, then y), then index.
-    members: Vec<u32>,
+    /// Candidates with their indices, sorted by cell (x, then y), then index: what is tested together lies together.
+    members: Vec<(u32, Candidate)>,
     cells: Vec<(i64, i64)>,
 }
 
@@ -220,7 +234,7 @@ impl Bins {
         let mut keyed: Vec<((i64, i64), u32)> =
             candidates.iter().enumerate().map(|(i, c)| (cell(c), i as u32)).collect();
         keyed.sort_unstable();
-        let (cells, members) = keyed.into_iter().unzip();
+        let (cells, members) = keyed.into_iter().map(|(cell, i)| (cell, (i, candidates[i as usize]))).unzip();
         Self { members, cells }
     }
 
@@ -266,7 +280,7 @@ mod tests {
                 for (j, b) in candidates.iter().enumerate() {
                     let d = difference(a.pair.live, b.pair.live);
                     let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-                    let want = a.live != b.live && a.map != b.map && AGREEMENT.holds(a, b, length);
+                    let want = a.live != b.live && a.map != b.map && AGREEMENT.bounds(length).hold(a, b);
                     prop_assert_eq!(graph.agree(i as u32, j as u32), want);
                 }
             }
