@@ -15,7 +15,8 @@ pub enum Lost {
     AtLeast(u64),
 }
 
-/// A recording from which something is missing. Every intact message was used all the same.
+/// A recording from which something is missing: bytes, or messages that contradict themselves. Every intact message was
+/// used all the same.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
     /// Missing messages of all topics.
@@ -59,7 +60,7 @@ impl fmt::Display for Damage {
 pub(super) struct DamageLog {
     places: Vec<String>,
     more_places: usize,
-    /// By channel, where the indexes behind a damaged chunk told.
+    /// By channel: as the indexes behind a damaged chunk told, and messages that contradict themselves.
     counted: BTreeMap<u16, u64>,
     /// Messages of unknown channels that are missing for sure.
     uncounted: u64,
@@ -86,6 +87,11 @@ impl DamageLog {
     pub(super) fn lose_uncounted(&mut self, sure: u64) {
         self.uncounted += sure;
         self.open = true;
+    }
+
+    /// A message that came whole turned out to be of no use.
+    pub(super) fn refuse(&mut self, channel: u16) {
+        *self.counted.entry(channel).or_default() += 1;
     }
 
     /// A chunk was damaged; `read` messages by channel could be used.

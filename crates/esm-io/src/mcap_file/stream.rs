@@ -119,6 +119,15 @@ impl MessageStream {
         &self.data
     }
 
+    /// Counts a message that was handed out among the lost, as one that contradicts itself.
+    pub(crate) fn refuse(&mut self, channel: u16, place: String) {
+        if let Some(n) = self.read.get_mut(&channel) {
+            *n = n.saturating_sub(1);
+        }
+        self.log.refuse(channel);
+        self.log.place(place);
+    }
+
     /// The first thing found wrong with the file so far.
     pub(crate) fn first_damage(&self) -> Option<&str> {
         self.log.first_place()

@@ -1,6 +1,6 @@
 //! An MCAP file as a recording.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 
 use super::motion::{Answer, Motion, MotionState};
@@ -92,7 +92,8 @@ impl McapSource {
             log_time: 0,
             ended: false,
             read: 0,
-            motion_messages: 0,
+            seen: BTreeMap::new(),
+            refused_cloud: None,
             without: 0,
             span_ns: None,
         })
@@ -105,23 +106,34 @@ impl std::fmt::Debug for TopicTable {
     }
 }
 
+struct Waiting {
+    log_time: u64,
+    /// Its place among the clouds of the file from 0, those counted that were refused.
+    index: usize,
+    sweep: Sweep,
+}
+
 pub(super) struct McapSweeps {
     path: PathBuf,
     stream: MessageStream,
-    expected: Option<std::collections::BTreeMap<u16, u64>>,
+    expected: Option<BTreeMap<u16, u64>>,
     motion: MotionState,
     cloud_name: String,
     motion_name: String,
     cloud_ids: BTreeSet<u16>,
     motion_ids: BTreeSet<u16>,
     fixed_ids: BTreeSet<u16>,
-    /// Sweeps that wait for the motion after them, with their log times.
-    waiting: VecDeque<(u64, Sweep)>,
+    /// Sweeps that wait for the motion after them.
+    waiting: VecDeque<Waiting>,
     /// Latest log time.
     log_time: u64,
     ended: bool,
+    /// Intact clouds.
     read: usize,
-    motion_messages: usize,
+    /// Messages by topic, also those that contradict themselves.
+    seen: BTreeMap<String, usize>,
+    /// The first cloud that contradicts itself.
+    refused_cloud: Option<(String, String)>,
     without: usize,
     span_ns: Option<(i64, i64)>,
 }
@@ -136,7 +148,7 @@ impl McapSweeps {
                 return Ok(None);
             }
             match self.stream.next_message()? {
-                Some(message) => self.take(message.channel, message.log_time)?,
+                Some(message) => self.take(message.channel, message.log_time),
                 None => self.ended = true,
             }
         }
@@ -144,18 +156,18 @@ impl McapSweeps {
 
     /// The first waiting sweep, once its motion is known or will not be.
     fn release(&mut self) -> Option<Sweep> {
-        let (log_time, sweep) = self.waiting.front()?;
+        let Waiting { log_time, index, sweep } = self.waiting.front()?;
         let overdue = self.ended
             || self.waiting.len() > MAX_WAITING
-            || self.waiting.iter().map(|(_, s)| s.cloud.len()).sum::<usize>() > MAX_WAITING_POINTS
+            || self.waiting.iter().map(|w| w.sweep.cloud.len()).sum::<usize>() > MAX_WAITING_POINTS
             || self.log_time.saturating_sub(*log_time) > MOTION_WAIT_NS;
-        let answer = self.motion.ask(sweep.number - 1, sweep.stamp_ns, &sweep.frame_id, overdue);
+        let answer = self.motion.ask(*index, sweep.stamp_ns, &sweep.frame_id, overdue);
         let pose = match answer {
             Answer::Wait => return None,
             Answer::Known(pose) => Some(pose),
             Answer::Unknown => None,
         };
-        let (_, mut sweep) = self.waiting.pop_front()?;
+        let Waiting { mut sweep, .. } = self.waiting.pop_front()?;
         sweep.pose_odom_sensor = pose;
         self.without += usize::from(pose.is_none());
         let (a, b) = self.span_ns.unwrap_or((sweep.stamp_ns, sweep.stamp_ns));
@@ -164,37 +176,47 @@ impl McapSweeps {
         Some(sweep)
     }
 
-    fn take(&mut self, channel: u16, log_time: u64) -> Result<(), Error> {
+    fn take(&mut self, channel: u16, log_time: u64) {
         self.log_time = self.log_time.max(log_time);
         let data = self.stream.data();
-        if self.cloud_ids.contains(&channel) {
-            self.read += 1;
-            let cloud = point_cloud2::decode(data)
-                .map_err(|what| self.message_error(self.read, &self.cloud_name, what))?;
-            let sweep = Sweep {
-                number: self.read,
-                stamp: seconds(cloud.header.stamp_ns),
-                stamp_ns: cloud.header.stamp_ns,
-                cloud: cloud.cloud,
-                pose_odom_sensor: None,
-                frame_id: cloud.header.frame_id,
-                dropped: cloud.dropped,
-            };
-            self.waiting.push_back((log_time, sweep));
+        let is_cloud = self.cloud_ids.contains(&channel);
+        let taken = if is_cloud {
+            let index = self.seen.get(&self.cloud_name).copied().unwrap_or(0);
+            point_cloud2::decode(data).map(|cloud| {
+                self.read += 1;
+                let sweep = Sweep {
+                    number: self.read,
+                    stamp: seconds(cloud.header.stamp_ns),
+                    stamp_ns: cloud.header.stamp_ns,
+                    cloud: cloud.cloud,
+                    pose_odom_sensor: None,
+                    frame_id: cloud.header.frame_id,
+                    dropped: cloud.dropped,
+                };
+                self.waiting.push_back(Waiting { log_time, index, sweep });
+            })
         } else if self.motion_ids.contains(&channel) {
-            self.motion_messages += 1;
-            let taken = self.motion.take(data);
-            taken.map_err(|what| self.message_error(self.motion_messages, &self.motion_name, what))?;
-        } else if self.fixed_ids.contains(&channel) {
-            let taken = self.motion.take_fixed(data);
-            taken.map_err(|what| self.message_error(1, "/tf_static", what))?;
+            self.motion.take(data)
+        } else {
+            self.motion.take_fixed(data)
+        };
+        let topic = self.stream.channels().get(&channel).map(|c| c.topic.clone()).unwrap_or_default();
+        let seen = self.seen.entry(topic.clone()).or_default();
+        *seen += 1;
+        if let Err(what) = taken {
+            let place = format!("message {seen} of {topic}");
+            self.stream.refuse(channel, format!("{place} contradicts itself: {what}"));
+            if is_cloud && self.refused_cloud.is_none() {
+                self.refused_cloud = Some((place, what));
+            }
         }
-        Ok(())
     }
 
-    fn message_error(&self, number: usize, topic: &str, what: String) -> Error {
+    /// For a recording of which no cloud is left: the first that contradicts itself.
+    pub(super) fn refused_cloud(&self) -> Option<Error> {
         let hint = "the program that recorded this wrote a message that contradicts itself; record or convert it anew";
-        Error::malformed(&self.path, format!("message {number} of {topic}"), what, hint)
+        let (place, what) = self.refused_cloud.as_ref()?;
+        Some(Error::malformed(&self.path, place.as_str(), what.as_str(), hint))
     }
 
     pub(super) fn first_damage(&self) -> Option<&str> {

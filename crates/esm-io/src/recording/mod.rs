@@ -198,15 +198,18 @@ impl Sweeps {
     /// At the end: an input without a single usable point is an error.
     fn finish(&mut self) -> Option<Result<Sweep, Error>> {
         self.done = true;
-        let first_damage = match &self.reader {
+        let (refused_cloud, first_damage) = match &self.reader {
             Reader::Mcap(reader) => {
                 self.warnings.extend(reader.warnings());
-                reader.first_damage().map(str::to_owned)
+                (reader.refused_cloud(), reader.first_damage().map(str::to_owned))
             }
-            Reader::Directory(_) => None,
+            Reader::Directory(_) => (None, None),
         };
         if self.points > 0 {
             return None;
+        }
+        if let (0, Some(refused)) = (self.yielded, refused_cloud) {
+            return Some(Err(refused));
         }
         if let (0, Some(place)) = (self.yielded, first_damage) {
             let hint = "copy the recording again from where it was made; 'mcap recover' may help";

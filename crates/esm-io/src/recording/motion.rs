@@ -66,8 +66,8 @@ impl MotionState {
 
     /// Takes a message of `/tf_static`.
     pub(super) fn take_fixed(&mut self, message: &[u8]) -> Result<(), String> {
-        self.awaits_fixed = false;
         decode_tf(message)?.into_iter().for_each(|t| self.tree.add_fixed(t));
+        self.awaits_fixed = false;
         Ok(())
     }
 

@@ -80,6 +80,53 @@ fn messages_that_contradict_themselves() {
     fails(&cloud, "point_step is 12, the coordinates reach to byte 4294967299");
 }
 
+/// One such message among good ones is left out, counted and named; places in files of poses stay what they were.
+#[test]
+fn one_bad_message_does_not_end_the_recording() {
+    let mut unknown_type = plain();
+    unknown_type.fields[1].2 = 9;
+    let bad = [
+        (
+            CloudMessage { point_step: 0, ..plain() }.encode(),
+            "point_step is 0, the coordinates reach to byte 12",
+        ),
+        (
+            CloudMessage { width: u32::MAX, ..plain() }.encode(),
+            "4294967295 x 1 points of 12 bytes need 51539607540 bytes of data, 24 are there",
+        ),
+        (unknown_type.encode(), "field y has the datatype 9, which is not known"),
+        (Vec::new(), "the message has 0 bytes, fewer than CDR's header"),
+    ];
+    for (bad, what) in bad {
+        let mut mcap = Mcap::new();
+        mcap.channel(1, "/points", CLOUD);
+        for message in [&plain().encode(), &bad, &plain().encode()] {
+            mcap.message(1, 1, message);
+        }
+        let poses = TestFile::new(
+            "p.txt",
+            "1 0 0 1 0 1 0 0 0 0 1 0\n1 0 0 2 0 1 0 0 0 0 1 0\n1 0 0 3 0 1 0 0 0 0 1 0\n",
+        );
+        for bytes in [mcap.finished(), mcap.without_summary()] {
+            let file = TestFile::new("r.mcap", bytes);
+            let options = OpenOptions { poses: Some(poses.path.clone()), ..OpenOptions::default() };
+            let all = read_all(&file.path, &options);
+            assert_eq!(all.error, None);
+            let told: Vec<_> = all
+                .sweeps
+                .iter()
+                .map(|s| (s.number, s.cloud.len(), s.pose_odom_sensor.unwrap().translation.x))
+                .collect();
+            assert_eq!(told, [(1, 2, 1.0), (2, 2, 3.0)]);
+            let warning = format!(
+                "r.mcap: the recording is damaged: message 2 of /points contradicts itself: {what}; every intact \
+                 message was used, lost are 1 message, among them 1 cloud"
+            );
+            assert_eq!(all.warnings, [warning]);
+        }
+    }
+}
+
 #[test]
 fn cut_messages_name_themselves() {
     let whole = plain().encode();
