@@ -17,12 +17,14 @@ pub(crate) const MAX_EXTRAPOLATION_NS: i64 = 100_000_000;
 pub(crate) struct Track {
     samples: VecDeque<(i64, Pose)>,
     limit: usize,
+    /// A sample was dropped because of the limit.
+    overran: bool,
 }
 
 impl Track {
     /// An empty track of at most `limit` samples.
     pub(crate) fn new(limit: usize) -> Self {
-        Self { samples: VecDeque::new(), limit: limit.max(2) }
+        Self { samples: VecDeque::new(), limit: limit.max(2), overran: false }
     }
 
     /// Adds a sample; one at the same time replaces the older.
@@ -34,7 +36,32 @@ impl Track {
         }
         if self.samples.len() > self.limit {
             self.samples.pop_front();
+            self.overran = true;
         }
+    }
+
+    /// Adds a sample without looking where it belongs; one beyond the limit is left out. To be followed by
+    /// [`settle`](Self::settle).
+    pub(crate) fn append(&mut self, stamp_ns: i64, pose: Pose) {
+        if self.samples.len() < self.limit {
+            self.samples.push_back((stamp_ns, pose));
+        } else {
+            self.overran = true;
+        }
+    }
+
+    /// Puts appended samples in order; of several at one time the last added stays.
+    pub(crate) fn settle(&mut self) {
+        let mut samples = Vec::from(std::mem::take(&mut self.samples));
+        samples.reverse();
+        samples.sort_by_key(|s| s.0);
+        samples.dedup_by_key(|s| s.0);
+        self.samples = samples.into();
+    }
+
+    /// Whether samples were dropped because of the limit.
+    pub(crate) fn overran(&self) -> bool {
+        self.overran
     }
 
     /// Whether a sample at or after the time has come, so that waiting longer would not change the answer of
@@ -178,6 +205,19 @@ mod tests {
         assert_eq!(t.samples.len(), 100);
         t.forget_before(i64::MAX);
         assert_eq!(t.samples.len(), 2);
+    }
+
+    #[test]
+    fn appended_samples_settle_in_order() {
+        let mut t = Track::new(5);
+        for (ms, x) in [(200, 2.0), (0, 0.0), (100, 5.0), (300, 3.0), (100, 1.0), (900, 9.0)] {
+            t.append(ms * MS, pose(x, 0.0));
+        }
+        assert!(t.overran());
+        t.settle();
+        let same = track(&[(0, 0.0, 0.0), (100, 1.0, 0.0), (200, 2.0, 0.0), (300, 3.0, 0.0)]);
+        assert_eq!(t.samples, same.samples);
+        assert!(!same.overran());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 
-use super::motion::{Answer, Motion, MotionState};
+use super::motion::{Answer, Kind, Motion, MotionState};
 use super::poses::SweepPoses;
 use super::{NamedPoses, OpenOptions, Sweep, Warning};
 use crate::error::Error;
@@ -141,7 +141,7 @@ pub(super) struct McapSweeps {
 impl McapSweeps {
     pub(super) fn next_sweep(&mut self) -> Result<Option<Sweep>, Error> {
         loop {
-            if let Some(sweep) = self.release() {
+            if let Some(sweep) = self.release()? {
                 return Ok(Some(sweep));
             }
             if self.ended {
@@ -155,25 +155,48 @@ impl McapSweeps {
     }
 
     /// The first waiting sweep, once its motion is known or will not be.
-    fn release(&mut self) -> Option<Sweep> {
-        let Waiting { log_time, index, sweep } = self.waiting.front()?;
+    fn release(&mut self) -> Result<Option<Sweep>, Error> {
+        let Some(Waiting { log_time, index, sweep }) = self.waiting.front() else { return Ok(None) };
         let overdue = self.ended
             || self.waiting.len() > MAX_WAITING
             || self.waiting.iter().map(|w| w.sweep.cloud.len()).sum::<usize>() > MAX_WAITING_POINTS
             || self.log_time.saturating_sub(*log_time) > MOTION_WAIT_NS;
-        let answer = self.motion.ask(*index, sweep.stamp_ns, &sweep.frame_id, overdue);
+        let (index, stamp_ns) = (*index, sweep.stamp_ns);
+        let mut answer = self.motion.ask(index, stamp_ns, &sweep.frame_id, overdue);
+        // The motion may stand farther back in the file, or have come long before and been dropped.
+        let elsewhere = (overdue && !self.ended) || self.motion.overran();
+        if matches!(answer, Answer::Unknown) && elsewhere && !self.motion.whole {
+            let sensor = sweep.frame_id.clone();
+            self.gather(&sensor)?;
+            answer = self.motion.ask(index, stamp_ns, &sensor, true);
+        }
         let pose = match answer {
-            Answer::Wait => return None,
+            Answer::Wait => return Ok(None),
             Answer::Known(pose) => Some(pose),
             Answer::Unknown => None,
         };
-        let Waiting { mut sweep, .. } = self.waiting.pop_front()?;
+        let Some(Waiting { mut sweep, .. }) = self.waiting.pop_front() else { return Ok(None) };
         sweep.pose_odom_sensor = pose;
         self.without += usize::from(pose.is_none());
         let (a, b) = self.span_ns.unwrap_or((sweep.stamp_ns, sweep.stamp_ns));
         self.span_ns = Some((a.min(sweep.stamp_ns), b.max(sweep.stamp_ns)));
         self.motion.forget_before(sweep.stamp_ns);
-        Some(sweep)
+        Ok(Some(sweep))
+    }
+
+    /// Reads the whole file for its motion: sweeps wait for it in vain.
+    fn gather(&mut self, sensor: &str) -> Result<(), Error> {
+        let Self { path, stream, motion, motion_ids, fixed_ids, .. } = self;
+        motion.gather(sensor, |each| {
+            let wanted = motion_ids.union(fixed_ids).copied().collect();
+            let mut again = MessageStream::open(path, Wanted::Channels(wanted))?;
+            again.know_channels(stream.channels().clone());
+            while let Some(message) = again.next_message()? {
+                let is_motion = motion_ids.contains(&message.channel);
+                each(if is_motion { Kind::Moving } else { Kind::Fixed }, again.data());
+            }
+            Ok(())
+        })
     }
 
     fn take(&mut self, channel: u16, log_time: u64) {
@@ -251,6 +274,7 @@ impl McapSweeps {
                 source: self.motion_name.clone(),
                 sweep_span_ns,
                 motion_span_ns: self.motion.span_ns,
+                out_of_order: self.motion.whole && self.motion.overran(),
             });
         }
         warnings

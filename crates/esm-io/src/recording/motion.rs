@@ -6,10 +6,14 @@ use super::poses::SweepPoses;
 use crate::mcap_file::MessageKind;
 use crate::pose::Track;
 use crate::ros::frames::FrameTree;
-use crate::ros::motion::{decode_odometry, decode_pose_stamped, decode_tf};
+use crate::ros::motion::{RosPose, decode_odometry, decode_pose_stamped, decode_tf};
 
 /// Odometry samples kept: 1000 s at 100 Hz, 10 MB.
 const TRACK_LIMIT: usize = 100_000;
+
+/// Samples kept where the motion is not in time order with the clouds and all of it is gathered first: 28 h at 100 Hz,
+/// 640 MB.
+const WHOLE_LIMIT: usize = 10_000_000;
 
 /// Where poses come from.
 pub(super) enum Motion {
@@ -23,6 +27,12 @@ pub(super) enum Motion {
     },
     /// The tree of frames of `/tf`.
     Tree,
+}
+
+/// What a message is for.
+pub(super) enum Kind {
+    Moving,
+    Fixed,
 }
 
 /// The answer to "where was this sensor then?".
@@ -46,6 +56,8 @@ pub(super) struct MotionState {
     pub(super) span_ns: Option<(i64, i64)>,
     /// The body and sensor frames that nothing connects.
     pub(super) assumed: Option<(String, String)>,
+    /// The whole motion is known: messages that come are checked only.
+    pub(super) whole: bool,
 }
 
 impl MotionState {
@@ -54,7 +66,15 @@ impl MotionState {
             Motion::File(poses) => poses.span(),
             _ => None,
         };
-        Self { motion, tree: FrameTree::default(), awaits_fixed, invalid: 0, span_ns, assumed: None }
+        Self {
+            motion,
+            tree: FrameTree::default(),
+            awaits_fixed,
+            invalid: 0,
+            span_ns,
+            assumed: None,
+            whole: false,
+        }
     }
 
     pub(super) fn topic(kind: MessageKind) -> Motion {
@@ -77,16 +97,17 @@ impl MotionState {
             Motion::Tree => {
                 for transform in decode_tf(message)? {
                     self.invalid += usize::from(transform.pose.is_none());
+                    if self.whole {
+                        continue;
+                    }
                     extend(&mut self.span_ns, transform.header.stamp_ns);
                     self.tree.add_moving(transform);
                 }
             }
             Motion::Topic { kind, track, body } => {
-                let sample = match kind {
-                    MessageKind::Odometry => decode_odometry(message)?,
-                    _ => decode_pose_stamped(message)?,
-                };
+                let sample = decode_one(*kind, message)?;
                 match sample.pose {
+                    Some(_) if self.whole => {}
                     Some(pose) => {
                         track.push(sample.header.stamp_ns, pose);
                         extend(&mut self.span_ns, sample.header.stamp_ns);
@@ -133,13 +154,73 @@ impl MotionState {
         pose.map_or(Answer::Unknown, Answer::Known)
     }
 
+    /// Whether samples were dropped because there were too many.
+    pub(super) fn overran(&self) -> bool {
+        match &self.motion {
+            Motion::Topic { track, .. } => track.overran(),
+            Motion::Tree => self.tree.overran(),
+            Motion::None | Motion::File(_) => false,
+        }
+    }
+
+    /// Gathers the whole motion, for messages that are not in time order with the clouds: `messages` hands every
+    /// message of the motion's topic and of `/tf_static` to what it is given, from the file's start.
+    pub(super) fn gather<E>(
+        &mut self,
+        sensor: &str,
+        mut messages: impl FnMut(&mut dyn FnMut(Kind, &[u8])) -> Result<(), E>,
+    ) -> Result<(), E> {
+        // What cannot be decoded is counted where the recording is read.
+        let mut all = Self::new(Motion::None, false);
+        match &self.motion {
+            Motion::None | Motion::File(_) => return Ok(()),
+            Motion::Topic { kind, .. } => {
+                let (mut track, mut body) = (Track::new(WHOLE_LIMIT), String::new());
+                messages(&mut |of, message| match of {
+                    Kind::Fixed => drop(all.take_fixed(message)),
+                    Kind::Moving => {
+                        if let Ok(RosPose { header, child, pose: Some(pose) }) = decode_one(*kind, message) {
+                            track.append(header.stamp_ns, pose);
+                            extend(&mut all.span_ns, header.stamp_ns);
+                            body = child;
+                        }
+                    }
+                })?;
+                track.settle();
+                all.motion = Motion::Topic { kind: *kind, track, body };
+            }
+            Motion::Tree => {
+                all.motion = Motion::Tree;
+                let each = |of: Kind, message: &[u8], all: &mut Self| match of {
+                    Kind::Fixed => drop(all.take_fixed(message)),
+                    Kind::Moving => drop(all.take(message)),
+                };
+                // Once for which frames carry the sensor, once for their motion.
+                messages(&mut |of, message| each(of, message, &mut all))?;
+                all.tree = all.tree.gathering(sensor, WHOLE_LIMIT);
+                messages(&mut |of, message| each(of, message, &mut all))?;
+                all.tree.settle();
+            }
+        }
+        *self = Self { invalid: self.invalid, assumed: self.assumed.take(), whole: true, ..all };
+        Ok(())
+    }
+
     /// Drops what sweeps from this time on do not need.
     pub(super) fn forget_before(&mut self, stamp_ns: i64) {
         match &mut self.motion {
+            _ if self.whole => {}
             Motion::Topic { track, .. } => track.forget_before(stamp_ns),
             Motion::Tree => self.tree.forget_before(stamp_ns),
             Motion::None | Motion::File(_) => {}
         }
+    }
+}
+
+fn decode_one(kind: MessageKind, message: &[u8]) -> Result<RosPose, String> {
+    match kind {
+        MessageKind::Odometry => decode_odometry(message),
+        _ => decode_pose_stamped(message),
     }
 }
 

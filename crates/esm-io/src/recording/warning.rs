@@ -31,6 +31,8 @@ pub enum Warning {
         sweep_span_ns: (i64, i64),
         /// First and last stamp of the motion, nanoseconds.
         motion_span_ns: Option<(i64, i64)>,
+        /// The motion is not in time order with the clouds, and too long to be gathered beforehand.
+        out_of_order: bool,
     },
     /// Motion messages that hold no pose: NaN, or a quaternion of zeros.
     InvalidMotion {
@@ -65,14 +67,19 @@ impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Damaged { path, damage } => write!(f, "{}: {damage}", path.display()),
-            Self::NoMotion { path, without, sweeps, source, sweep_span_ns, motion_span_ns } => {
+            Self::NoMotion { path, without, sweeps, source, sweep_span_ns, motion_span_ns, out_of_order } => {
                 let (a, b) = (seconds(sweep_span_ns.0), seconds(sweep_span_ns.1));
                 write!(f, "{}: {source} gives no pose for {without} of {sweeps} sweeps", path.display())?;
                 write!(f, " (sweeps from {a:.3} to {b:.3} s, motion ")?;
                 match motion_span_ns {
-                    Some((a, b)) => write!(f, "from {:.3} to {:.3} s)", seconds(*a), seconds(*b)),
-                    None => write!(f, "none)"),
+                    Some((a, b)) => write!(f, "from {:.3} to {:.3} s)", seconds(*a), seconds(*b))?,
+                    None => write!(f, "none)")?,
                 }
+                if *out_of_order {
+                    f.write_str("; the messages are not in time order and too many to be sorted here")?;
+                    f.write_str("\nhint: sort the recording: 'mcap sort in.mcap -o out.mcap'")?;
+                }
+                Ok(())
             }
             Self::InvalidMotion { path, topic, messages } => {
                 let path = path.display();

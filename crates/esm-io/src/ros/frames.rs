@@ -1,6 +1,6 @@
 //! The tree of frames that `/tf` and `/tf_static` describe.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use esm_core::Pose;
 
@@ -17,12 +17,14 @@ const MAX_FRAMES: usize = 512;
 const TRACK_LIMIT: usize = 2048;
 
 /// Where each frame stands in its parent.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct FrameTree {
     /// By child: the parent and pose_parent_child.
     fixed: BTreeMap<String, (String, Pose)>,
     /// By child: the parent and pose_parent_child over time.
     moving: BTreeMap<String, (String, Track)>,
+    /// Where the whole motion is gathered at once: the frames it is gathered of, and how many samples of each.
+    whole: Option<(BTreeSet<String>, usize)>,
 }
 
 impl FrameTree {
@@ -37,19 +39,43 @@ impl FrameTree {
     /// Takes one transform of `/tf`.
     pub(crate) fn add_moving(&mut self, transform: RosPose) {
         let Some(pose) = transform.pose else { return };
-        if self.moving.len() >= MAX_FRAMES && !self.moving.contains_key(&transform.child) {
+        let of_use = self.whole.as_ref().is_none_or(|(frames, _)| frames.contains(&transform.child));
+        if !of_use || (self.moving.len() >= MAX_FRAMES && !self.moving.contains_key(&transform.child)) {
             return;
         }
+        let limit = self.whole.as_ref().map_or(TRACK_LIMIT, |(_, limit)| *limit);
         let (parent, track) = self
             .moving
             .entry(transform.child)
-            .or_insert_with(|| (transform.header.frame_id.clone(), Track::new(TRACK_LIMIT)));
+            .or_insert_with(|| (transform.header.frame_id.clone(), Track::new(limit)));
         if *parent != transform.header.frame_id {
             // The frame was hung elsewhere: what was known of it is void.
             *parent = transform.header.frame_id;
-            *track = Track::new(TRACK_LIMIT);
+            *track = Track::new(limit);
         }
-        track.push(transform.header.stamp_ns, pose);
+        match self.whole {
+            Some(_) => track.append(transform.header.stamp_ns, pose),
+            None => track.push(transform.header.stamp_ns, pose),
+        }
+    }
+
+    /// A tree with the same fixed frames that gathers, in whatever order it comes, the whole motion of the frames above
+    /// the sensor as this tree knows them; at most `limit` samples in all. [`settle`](Self::settle) makes it ready.
+    pub(crate) fn gathering(&self, sensor: &str, limit: usize) -> Self {
+        let path = self.climb(sensor);
+        let frames: BTreeSet<String> = path.iter().map(|f| (*f).to_owned()).collect();
+        let each = limit / frames.len().max(1);
+        Self { fixed: self.fixed.clone(), moving: BTreeMap::new(), whole: Some((frames, each)) }
+    }
+
+    /// Puts what was gathered in order.
+    pub(crate) fn settle(&mut self) {
+        self.moving.values_mut().for_each(|(_, track)| track.settle());
+    }
+
+    /// Whether motion was dropped because of a limit.
+    pub(crate) fn overran(&self) -> bool {
+        self.moving.values().any(|(_, track)| track.overran())
     }
 
     /// pose_a_b from fixed transforms alone; `None` where they do not connect the frames.

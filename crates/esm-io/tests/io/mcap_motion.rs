@@ -1,7 +1,7 @@
 //! The motion of the sensor: interpolation, mounting, transforms, and bounded waiting.
 
 use esm_core::Pose;
-use esm_io::{OpenOptions, Sweep};
+use esm_io::{OpenOptions, Sweep, Warning};
 use nalgebra::Vector3;
 
 use crate::bytes_cdr::{CloudMessage, odometry, pose_stamped, tf, yaw};
@@ -75,10 +75,10 @@ fn beyond_the_motion_there_is_none() {
     );
 }
 
+/// Motion that comes later than sweeps wait for it is gathered from the whole file beforehand.
 #[test]
-fn waiting_is_bounded_in_time_and_number() {
-    // The odometry comes two seconds of log time late: waited for. Then four seconds late: not any more.
-    for (delay, known) in [(2_000u64, true), (4_000, false)] {
+fn motion_that_comes_late_is_found() {
+    for delay in [2_000u64, 4_000, 60_000] {
         let mut mcap = Mcap::new();
         mcap.channel(1, "/points", CLOUD).channel(2, "/odom", ODOMETRY).channel(3, "/clock", "x/msg/Clock");
         let mut messages = Vec::new();
@@ -91,25 +91,118 @@ fn waiting_is_bounded_in_time_and_number() {
         for (time, channel, data) in messages {
             mcap.message(channel, time * MS as u64, &data);
         }
-        let all = read(&mcap);
-        assert_eq!(all.sweeps.len(), 100);
-        // The file's end flushes what waits, with all the motion there is.
-        let with = all.sweeps[..60].iter().filter(|s| s.pose_odom_sensor.is_some()).count();
-        assert_eq!(with, if known { 60 } else { 0 });
+        assert_all_known(&read(&mcap), 100, 0.0);
     }
-    // All clouds first, without usable log times: no more than the limit wait.
+}
+
+#[track_caller]
+fn assert_all_known(all: &ReadAll, n: usize, y: f64) {
+    assert_eq!((all.sweeps.len(), all.warnings.as_slice()), (n, [].as_slice()));
+    for (i, sweep) in all.sweeps.iter().enumerate() {
+        assert_pose(sweep, at(i as f64, y, 0.0));
+    }
+}
+
+/// All clouds first and all motion after them, in any order, with log times and without, in chunks and without.
+#[test]
+fn clouds_first_and_motion_after_them() {
+    for (log, backwards, chunks) in [(100, false, false), (0, false, true), (100, true, true)] {
+        for topic in [ODOMETRY, TF] {
+            let mut mcap = Mcap::new();
+            mcap.channel(1, "/points", CLOUD).channel(2, "/motion", topic).channel(3, "/tf_static", TF);
+            let chunk = |mcap: &mut Mcap, i: usize| {
+                if chunks && i % 50 == 49 {
+                    mcap.end_chunk().begin_chunk();
+                }
+            };
+            if chunks {
+                mcap.begin_chunk();
+            }
+            for i in 0..200 {
+                mcap.message(1, (log * i * MS) as u64, &cloud(100_000 + 100 * i, "lidar"));
+                chunk(&mut mcap, i as usize);
+            }
+            for k in 0..200 {
+                let i = if backwards { 199 - k } else { k };
+                let t = 100_000 + 100 * i;
+                let message = match topic {
+                    TF => tf(&[
+                        (t * MS, "odom", "base_link", [i as f64, 0.0, 0.0], yaw(0.0)),
+                        (t * MS, "base_link", "wheel", [0.0, 0.0, 9.0], yaw(i as f64)),
+                    ]),
+                    _ => odom(t, "base_link", i as f64, 0.0),
+                };
+                mcap.message(2, (log * i * MS) as u64, &message);
+                chunk(&mut mcap, k as usize);
+            }
+            mcap.message(3, 0, &tf(&[(0, "base_link", "lidar", [0.0, 1.0, 0.0], yaw(0.0))]));
+            if chunks {
+                mcap.end_chunk();
+            }
+            assert_all_known(&read(&mcap), 200, 1.0);
+        }
+    }
+}
+
+/// More motion before the clouds than is remembered: it is gathered anew.
+#[test]
+fn motion_first_and_clouds_after_it() {
     let mut mcap = Mcap::new();
-    mcap.channel(1, "/points", CLOUD).channel(2, "/odom", ODOMETRY);
-    for i in 0..200 {
+    mcap.channel(1, "/points", CLOUD).channel(2, "/tf", TF);
+    for i in 0..5000 {
+        let pose = (10 * i * MS, "odom", "lidar", [i as f64 / 10.0, 0.0, 0.0], yaw(0.0));
+        mcap.message(2, 0, &tf(&[pose]));
+    }
+    for i in 0..500 {
         mcap.message(1, 0, &cloud(100 * i, "lidar"));
     }
-    for i in 0..200 {
-        mcap.message(2, 0, &odom(100 * i, "lidar", i as f64, 0.0));
+    assert_all_known(&read(&mcap), 500, 0.0);
+}
+
+/// A recording whose motion stops is read to its end, and what is missing is told once.
+#[test]
+fn motion_that_stops_stays_missing() {
+    let mut mcap = Mcap::new();
+    mcap.channel(1, "/points", CLOUD).channel(2, "/odom", ODOMETRY);
+    for i in 0..200u64 {
+        mcap.message(1, 100 * i * MS as u64, &cloud(100 * i as i64, "lidar"));
+        if i < 100 {
+            mcap.message(2, 100 * i * MS as u64, &odom(100 * i as i64, "lidar", i as f64, 0.0));
+        }
+        if i == 50 {
+            mcap.message(2, 100 * i * MS as u64, &[]);
+        }
     }
     let all = read(&mcap);
-    let with: Vec<usize> =
-        all.sweeps.iter().filter(|s| s.pose_odom_sensor.is_some()).map(|s| s.number).collect();
-    assert_eq!(with, (141..=200).collect::<Vec<_>>());
+    let with = all.sweeps.iter().filter(|s| s.pose_odom_sensor.is_some()).count();
+    assert_eq!((all.sweeps.len(), with), (200, 101));
+    assert_eq!(
+        all.warnings,
+        [
+            "r.mcap: the recording is damaged: message 52 of /odom contradicts itself: the message has 0 bytes, fewer \
+             than CDR's header; every intact message was used, lost are 1 message, among them 0 clouds",
+            "r.mcap: /odom gives no pose for 99 of 200 sweeps (sweeps from 0.000 to 19.900 s, motion from 0.000 to \
+             9.900 s)"
+        ]
+    );
+}
+
+#[test]
+fn too_much_motion_out_of_order_names_its_cause() {
+    let warning = Warning::NoMotion {
+        path: "r.mcap".into(),
+        without: 3,
+        sweeps: 9,
+        source: "/odom".to_owned(),
+        sweep_span_ns: (0, 1_000_000_000),
+        motion_span_ns: None,
+        out_of_order: true,
+    };
+    assert_eq!(
+        warning.to_string(),
+        "r.mcap: /odom gives no pose for 3 of 9 sweeps (sweeps from 0.000 to 1.000 s, motion none); the messages are \
+         not in time order and too many to be sorted here\nhint: sort the recording: 'mcap sort in.mcap -o out.mcap'"
+    );
 }
 
 #[test]
