@@ -15,17 +15,30 @@ pub(crate) struct ChannelInfo {
     pub(crate) encoding: String,
 }
 
+/// Why a schema or channel could not be registered.
+pub(super) enum Undefined {
+    /// Its bytes are none.
+    Broken(String),
+    /// It is intact and has a name of so many bytes, more than are kept.
+    LongName(usize),
+}
+
+/// What to say of a name that is too long.
+pub(super) fn long_name(bytes: usize) -> String {
+    format!("a name of {bytes} bytes is longer than {NAME_LIMIT}")
+}
+
 /// Registers a schema or channel; other records are ignored.
 pub(super) fn define(
     schemas: &mut BTreeMap<u16, String>,
     channels: &mut BTreeMap<u16, ChannelInfo>,
     opcode: u8,
     data: &[u8],
-) -> Result<(), String> {
+) -> Result<(), Undefined> {
     if !matches!(opcode, op::SCHEMA | op::CHANNEL) {
         return Ok(());
     }
-    match mcap::parse_record(opcode, data).map_err(|e| e.to_string())? {
+    match mcap::parse_record(opcode, data).map_err(|e| Undefined::Broken(e.to_string()))? {
         Record::Schema { header, .. } => {
             check_name(&header.name)?;
             schemas.insert(header.id, header.name);
@@ -44,9 +57,9 @@ pub(super) fn define(
     Ok(())
 }
 
-fn check_name(name: &str) -> Result<(), String> {
+fn check_name(name: &str) -> Result<(), Undefined> {
     match name.len() {
-        n if n > NAME_LIMIT => Err(format!("a name of {n} bytes is longer than {NAME_LIMIT}")),
+        n if n > NAME_LIMIT => Err(Undefined::LongName(n)),
         _ => Ok(()),
     }
 }

@@ -15,7 +15,7 @@ use mcap::sans_io::linear_reader::LinearReadEvent;
 
 use super::chunk::OpenChunk;
 use super::damage::{Damage, DamageLog};
-use super::definitions::{ChannelInfo, define};
+use super::definitions::{ChannelInfo, Undefined, define, long_name};
 use super::records::{ChunkHead, HEAD, RECORD_LIMIT, RecordFile, known_compression, le_u16, le_u32, le_u64};
 use crate::error::Error;
 
@@ -63,6 +63,8 @@ pub(crate) struct MessageStream {
     /// CRC of the data section is worth checking: messages stand outside of chunks.
     loose_messages: bool,
     ended: bool,
+    /// The first definition that was left out, and why.
+    left_out: Option<(String, String)>,
 }
 
 /// One step inside a chunk.
@@ -96,6 +98,7 @@ impl MessageStream {
             doubt: None,
             loose_messages: false,
             ended: false,
+            left_out: None,
         })
     }
 
@@ -131,6 +134,11 @@ impl MessageStream {
     /// The first thing found wrong with the file so far.
     pub(crate) fn first_damage(&self) -> Option<&str> {
         self.log.first_place()
+    }
+
+    /// The first definition that was left out though it is intact: its place, and why.
+    pub(crate) fn left_out(&self) -> Option<&(String, String)> {
+        self.left_out.as_ref()
     }
 
     /// What is damaged, once the end was reached; `expected` are the statistics' counts by channel.
@@ -199,7 +207,11 @@ impl MessageStream {
         if opcode != op::MESSAGE {
             return Ok(match define(&mut self.schemas, &mut self.channels, opcode, data) {
                 Ok(()) => Step::Other,
-                Err(why) => Step::Broken(why),
+                Err(Undefined::Broken(why)) => Step::Broken(why),
+                Err(Undefined::LongName(bytes)) => {
+                    self.leave_out(format!("in the chunk at byte {}", chunk.start), bytes);
+                    Step::Other
+                }
             });
         }
         let Some(message) = message_head(data) else {
@@ -255,8 +267,10 @@ impl MessageStream {
             op::SCHEMA | op::CHANNEL if len <= RECORD_LIMIT && inside => {
                 let mut body = Vec::new();
                 self.file.body(at, len, &mut body)?;
-                if define(&mut self.schemas, &mut self.channels, opcode, &body).is_err() {
-                    return self.resume_behind(doubt.unwrap_or(at));
+                match define(&mut self.schemas, &mut self.channels, opcode, &body) {
+                    Ok(()) => {}
+                    Err(Undefined::Broken(_)) => return self.resume_behind(doubt.unwrap_or(at)),
+                    Err(Undefined::LongName(bytes)) => self.leave_out(format!("at byte {at}"), bytes),
                 }
                 self.at = end;
             }
@@ -282,6 +296,16 @@ impl MessageStream {
             _ => return self.resume_behind(doubt.unwrap_or(at)),
         }
         Ok(None)
+    }
+
+    /// A topic is left out for its name, or that of its message type. Told once: chunks repeat definitions.
+    fn leave_out(&mut self, place: String, bytes: usize) {
+        if self.left_out.is_none() {
+            let what = long_name(bytes);
+            self.log.place(format!("the definition {place} cannot be used: {what}"));
+            self.log.lose_uncounted(0);
+            self.left_out = Some((format!("the definition {place}"), what));
+        }
     }
 
     /// The framing is lost since a place: looks for the next chunk.

@@ -62,6 +62,8 @@ pub(crate) struct TopicTable {
     counts: BTreeMap<u16, u64>,
     /// Whether the statistics say so.
     pub(crate) has_statistics: bool,
+    /// The first definition that was left out: its place, and why.
+    left_out: Option<(String, String)>,
 }
 
 impl TopicTable {
@@ -70,9 +72,19 @@ impl TopicTable {
         let mut scan = MessageStream::open(path, Wanted::Nothing)?;
         if let Some(summary) = summary::read(path)? {
             let (channels, counts) = (summary.channels, summary.counts);
-            return Ok(Self { path: path.to_owned(), channels, counts, has_statistics: true });
+            return Ok(Self {
+                path: path.to_owned(),
+                channels,
+                counts,
+                has_statistics: true,
+                left_out: None,
+            });
         }
         while scan.next_message()?.is_some() {}
+        if let (true, Some((place, what))) = (scan.channels().is_empty(), scan.left_out()) {
+            let hint = "record or convert it with shorter names of topics and message types";
+            return Err(Error::malformed(path, place.as_str(), what.as_str(), hint));
+        }
         if scan.channels().is_empty() {
             let place = scan.first_damage().unwrap_or("the data section").to_owned();
             return Err(Error::malformed(
@@ -83,7 +95,13 @@ impl TopicTable {
             ));
         }
         let (channels, counts) = (scan.channels().clone(), scan.counts().clone());
-        Ok(Self { path: path.to_owned(), channels, counts, has_statistics: false })
+        Ok(Self {
+            path: path.to_owned(),
+            channels,
+            counts,
+            has_statistics: false,
+            left_out: scan.left_out().cloned(),
+        })
     }
 
     /// The statistics' counts by channel.
@@ -200,7 +218,10 @@ impl TopicTable {
         self.topic_error(what, candidates, format!("name one of them with {flag}"))
     }
 
-    fn topic_error(&self, what: String, topics: &[Topic], hint: String) -> Error {
+    fn topic_error(&self, mut what: String, topics: &[Topic], hint: String) -> Error {
+        if let Some((place, why)) = &self.left_out {
+            what.push_str(&format!("; {place} was left out: {why}"));
+        }
         let candidates = topics.iter().map(|t| t.name.clone()).collect();
         Error::Topic { path: self.path.clone(), what, candidates, hint }
     }

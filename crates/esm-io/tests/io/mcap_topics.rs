@@ -225,3 +225,53 @@ fn records_of_other_kinds_are_passed_over() {
         assert_eq!((all.sweeps.len(), all.warnings, all.error), (2, vec![], None));
     }
 }
+
+/// Intact files with names that are not kept: the cause is told, and the other topics are read.
+#[test]
+fn long_names_are_named_as_the_cause() {
+    let long = "/".repeat(2000);
+    let build = |cloud: &str, other: &str, chunked: bool| {
+        let mut mcap = Mcap::new();
+        if chunked {
+            mcap.begin_chunk();
+        }
+        mcap.channel(1, cloud, CLOUD);
+        if !other.is_empty() {
+            mcap.channel(2, other, ODOMETRY).message(2, 1, b"x");
+        }
+        mcap.message(1, 1, &CloudMessage::plain(1, "lidar", &[[1.0; 3]]).encode());
+        if chunked {
+            mcap.end_chunk();
+        }
+        TestFile::new("r.mcap", mcap.finished())
+    };
+    let why = "a name of 2000 bytes is longer than 1024";
+    for (chunked, alone, second) in
+        [(false, "at byte 93", "at byte 179"), (true, "in the chunk at byte 36", "in the chunk at byte 36")]
+    {
+        let file = build(&long, "", chunked);
+        let error = Recording::open(&file.path, &OpenOptions::default()).unwrap_err();
+        assert_eq!(
+            file.message(&error),
+            format!(
+                "r.mcap: the definition {alone}: {why}\nhint: record or convert it with shorter names of topics and \
+                 message types"
+            )
+        );
+        let file = build(&long, "/odom", chunked);
+        let error = Recording::open(&file.path, &OpenOptions::default()).unwrap_err();
+        let text = file.message(&error);
+        let left_out = format!("; the definition {alone} was left out: {why}\nhint: ");
+        assert!(
+            text.starts_with("r.mcap: no topic holds sensor_msgs/msg/PointCloud2")
+                && text.contains(&left_out),
+            "{text}"
+        );
+        let file = build("/points", &long, chunked);
+        let all = read_all(&file.path, &OpenOptions::default());
+        assert_eq!((all.error, all.sweeps.len()), (None, 1));
+        let start =
+            format!("r.mcap: the recording is damaged: the definition {second} cannot be used: {why}; ");
+        assert!(all.warnings[0].starts_with(&start), "{:?}", all.warnings);
+    }
+}
