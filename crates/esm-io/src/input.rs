@@ -23,17 +23,9 @@ pub(crate) struct Input {
 
 impl Input {
     pub(crate) fn open(path: &Path) -> Result<Self, Error> {
-        let file = File::open(path).map_err(|e| Error::io(path, "opening", e))?;
-        let meta = file.metadata().map_err(|e| Error::io(path, "reading its size", e))?;
-        if meta.is_dir() {
-            return Err(Error::unsupported(
-                path,
-                "is a directory where a file was expected",
-                "name one file inside it",
-            ));
-        }
+        let (file, len) = open_regular(path)?;
         let reader = BufReader::with_capacity(1 << 16, file);
-        Ok(Self { path: path.to_owned(), len: meta.len(), reader, taken: 0, line: 0 })
+        Ok(Self { path: path.to_owned(), len, reader, taken: 0, line: 0 })
     }
 
     /// Bytes not taken yet.
@@ -83,6 +75,26 @@ impl Input {
     pub(crate) fn line_error(&self, what: impl Into<String>, hint: impl Into<String>) -> Error {
         Error::malformed(&self.path, format!("line {}", self.line), what, hint)
     }
+}
+
+/// Opens a regular file; also gives its length in bytes. What it is is looked at before: opening a named pipe waits for
+/// somebody to write into it.
+pub(crate) fn open_regular(path: &Path) -> Result<(File, u64), Error> {
+    let refuse_others = |meta: std::fs::Metadata| {
+        if meta.is_dir() {
+            let what = "is a directory where a file was expected";
+            return Err(Error::unsupported(path, what, "name one file inside it"));
+        }
+        if !meta.is_file() {
+            let hint = "pipes, sockets and devices cannot be read: write the data to a file first";
+            return Err(Error::unsupported(path, "this is not a regular file", hint));
+        }
+        Ok(meta.len())
+    };
+    refuse_others(std::fs::metadata(path).map_err(|e| Error::io(path, "opening", e))?)?;
+    let file = File::open(path).map_err(|e| Error::io(path, "opening", e))?;
+    let len = refuse_others(file.metadata().map_err(|e| Error::io(path, "reading its size", e))?)?;
+    Ok((file, len))
 }
 
 /// Splits at blanks and tabs, without assuming that the rest of the line is UTF-8.

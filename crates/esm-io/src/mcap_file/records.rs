@@ -5,6 +5,7 @@ use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use crate::error::Error;
+use crate::input::open_regular;
 
 /// Opcode and length.
 pub(super) const HEAD: u64 = 9;
@@ -40,14 +41,8 @@ pub(super) struct ChunkHead {
 
 impl RecordFile {
     pub(super) fn open(path: &Path) -> Result<Self, Error> {
-        let file = File::open(path).map_err(|e| Error::io(path, "opening", e))?;
-        let meta = file.metadata().map_err(|e| Error::io(path, "reading its size", e))?;
-        Ok(Self {
-            path: path.to_owned(),
-            file: BufReader::with_capacity(1 << 16, file),
-            len: meta.len(),
-            at: 0,
-        })
+        let (file, len) = open_regular(path)?;
+        Ok(Self { path: path.to_owned(), file: BufReader::with_capacity(1 << 16, file), len, at: 0 })
     }
 
     pub(super) fn seek(&mut self, to: u64) -> Result<(), Error> {

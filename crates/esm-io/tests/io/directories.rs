@@ -192,3 +192,50 @@ fn inputs_are_told_apart() {
          working directory"
     );
 }
+
+/// Opening a pipe that nobody writes to would wait for ever.
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices_are_refused_before_they_are_opened() {
+    let dir = tempfile::tempdir().unwrap();
+    let says = |path: &Path, error: esm_io::Error| {
+        assert_eq!(
+            error.to_string(),
+            format!(
+                "{}: this is not a regular file\nhint: pipes, sockets and devices cannot be read: write the data to a \
+                 file first",
+                path.display()
+            )
+        );
+    };
+    let scan = dir.path().join("1.bin");
+    std::fs::write(&scan, [0; 16]).unwrap();
+    for name in ["a.pcd", "a.ply", "a.las", "a.laz", "a.bin", "a.mcap", "a.txt", "a"] {
+        let pipe = dir.path().join(name);
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
+        assert!(made.success());
+        says(
+            &pipe,
+            Recording::open(&pipe, &OpenOptions::default())
+                .and_then(|r| r.sweeps()?.next().unwrap())
+                .unwrap_err(),
+        );
+        if extension_is_cloud(name) {
+            says(&pipe, esm_io::read_scan(&pipe).unwrap_err());
+            says(&pipe, esm_io::read_prior_cloud(&pipe).unwrap_err());
+        }
+        says(&pipe, esm_io::read_tum(&pipe).unwrap_err());
+        says(&pipe, esm_io::read_kitti_poses(&pipe).unwrap_err());
+        says(&pipe, esm_io::read_poses(&pipe).unwrap_err());
+        let options = OpenOptions { poses: Some(pipe.clone()), ..OpenOptions::default() };
+        says(&pipe, Recording::open(&scan, &options).unwrap_err());
+    }
+    let device = Path::new("/dev/null");
+    says(device, esm_io::read_poses(device).unwrap_err());
+    says(device, classify(device).unwrap_err());
+}
+
+#[cfg(unix)]
+fn extension_is_cloud(name: &str) -> bool {
+    [".pcd", ".ply", ".las", ".laz", ".bin"].iter().any(|e| name.ends_with(e))
+}
