@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-/// The errors of this crate. Each message names the file, the place in it, what is wrong, and what to do about it.
+use crate::plain::Plain;
+
+/// The errors of this crate. Each message names the file, the place in it, what is wrong, and what to do about it;
+/// control characters in names from files are escaped.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The operating system refused a file operation.
-    #[error("{}: {doing}: {source}\nhint: {}", path.display(), io_hint(source))]
+    #[error("{}: {doing}: {source}\nhint: {}", Plain(path.display()), io_hint(source))]
     Io {
         /// The file or directory.
         path: PathBuf,
@@ -17,7 +20,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// The file is damaged, cut short, or breaks its format's rules.
-    #[error("{}: {place}: {what}\nhint: {hint}", path.display())]
+    #[error("{}: {}: {}\nhint: {hint}", Plain(path.display()), Plain(place), Plain(what))]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -29,7 +32,7 @@ pub enum Error {
         hint: String,
     },
     /// The file is something else than what this crate reads.
-    #[error("{}: {what}\nhint: {hint}", path.display())]
+    #[error("{}: {}\nhint: {hint}", Plain(path.display()), Plain(what))]
     Unsupported {
         /// The file or directory.
         path: PathBuf,
@@ -39,7 +42,7 @@ pub enum Error {
         hint: String,
     },
     /// A topic has to be named, or the one named is not there.
-    #[error("{}: {what}\nhint: {hint}", path.display())]
+    #[error("{}: {}\nhint: {hint}", Plain(path.display()), Plain(what))]
     Topic {
         /// The recording.
         path: PathBuf,
@@ -51,7 +54,7 @@ pub enum Error {
         hint: String,
     },
     /// There is nothing usable in the input.
-    #[error("{}: {what}\nhint: {hint}", path.display())]
+    #[error("{}: {}\nhint: {hint}", Plain(path.display()), Plain(what))]
     Empty {
         /// The file or directory.
         path: PathBuf,

@@ -17,6 +17,7 @@ mod error;
 mod input;
 mod mcap_file;
 mod natural;
+mod plain;
 mod pose;
 mod recording;
 mod ros;

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use crate::plain::Plain;
+
 /// Places listed one by one; further ones are counted.
 const PLACES_LISTED: usize = 8;
 
@@ -43,7 +45,7 @@ impl Lost {
 
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the recording is damaged: {}", self.places.join("; "))?;
+        write!(f, "the recording is damaged: {}", Plain(self.places.join("; ")))?;
         if self.more_places > 0 {
             write!(f, "; and {} more places", self.more_places)?;
         }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use crate::mcap_file::Damage;
+use crate::plain::Plain;
 use crate::pose::seconds;
 
 /// Something the user should know about a recording that could be read all the same.
@@ -66,10 +67,15 @@ pub enum Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Damaged { path, damage } => write!(f, "{}: {damage}", path.display()),
+            Self::Damaged { path, damage } => write!(f, "{}: {damage}", Plain(path.display())),
             Self::NoMotion { path, without, sweeps, source, sweep_span_ns, motion_span_ns, out_of_order } => {
                 let (a, b) = (seconds(sweep_span_ns.0), seconds(sweep_span_ns.1));
-                write!(f, "{}: {source} gives no pose for {without} of {sweeps} sweeps", path.display())?;
+                write!(
+                    f,
+                    "{}: {} gives no pose for {without} of {sweeps} sweeps",
+                    Plain(path.display()),
+                    Plain(source)
+                )?;
                 write!(f, " (sweeps from {a:.3} to {b:.3} s, motion ")?;
                 match motion_span_ns {
                     Some((a, b)) => write!(f, "from {:.3} to {:.3} s)", seconds(*a), seconds(*b))?,
@@ -82,17 +88,19 @@ impl fmt::Display for Warning {
                 Ok(())
             }
             Self::InvalidMotion { path, topic, messages } => {
-                let path = path.display();
+                let (path, topic) = (Plain(path.display()), Plain(topic));
                 write!(f, "{path}: {messages} messages of {topic} hold no valid pose and were left out")
             }
             Self::AssumedMounting { path, body, sensor } => write!(
                 f,
-                "{}: no transform between '{body}' and '{sensor}' is recorded (/tf_static); they were taken to be the same",
-                path.display()
+                "{}: no transform between '{}' and '{}' is recorded (/tf_static); they were taken to be the same",
+                Plain(path.display()),
+                Plain(body),
+                Plain(sensor)
             ),
             Self::IgnoredScans { path, read, ignored } => {
                 let list: Vec<String> = ignored.iter().map(|(e, n)| format!("{n} .{e}")).collect();
-                write!(f, "{}: read the .{read} files, ignored {}", path.display(), list.join(", "))
+                write!(f, "{}: read the .{read} files, ignored {}", Plain(path.display()), list.join(", "))
             }
         }
     }

@@ -275,3 +275,29 @@ fn long_names_are_named_as_the_cause() {
         assert!(all.warnings[0].starts_with(&start), "{:?}", all.warnings);
     }
 }
+
+/// Names from a file cannot write to the terminal what they like.
+#[test]
+fn control_characters_in_names_are_escaped() {
+    let (points, odom) = ("/points\u{1b}[2J", "/odom\r\n");
+    let mut mcap = Mcap::new();
+    mcap.channel(1, points, CLOUD).channel(2, odom, ODOMETRY);
+    let cloud = |stamp| CloudMessage::plain(stamp, "li\u{7}dar", &[[1.0; 3]]).encode();
+    mcap.message(1, 1, &cloud(1)).message(1, 1, &[]).message(1, 1, &cloud(900_000_000));
+    mcap.message(2, 1, &odometry(1, "odom", "base\tlink", [0.0; 3], yaw(0.0)));
+    let file = TestFile::new("r.mcap", mcap.finished());
+    let all = read_all(&file.path, &OpenOptions::default());
+    let [damage, mounting, motion] = all.warnings.as_slice() else { panic!("{:?}", all.warnings) };
+    assert!(damage.contains(r"message 2 of /points\u{1b}[2J contradicts itself"), "{damage}");
+    assert!(mounting.contains(r"between 'base\tlink' and 'li\u{7}dar' is recorded"), "{mounting}");
+    assert!(motion.contains(r"/odom\r\n gives no pose for 1 of 2 sweeps"), "{motion}");
+    let options = OpenOptions { cloud_topic: Some("/x".to_owned()), ..OpenOptions::default() };
+    let error = Recording::open(&file.path, &options).unwrap_err();
+    assert_eq!(
+        file.message(&error),
+        r"r.mcap: there is no topic /x; the topics are /odom\r\n (nav_msgs/msg/Odometry, 1 messages), "
+            .to_owned()
+            + r"/points\u{1b}[2J (sensor_msgs/msg/PointCloud2, 3 messages)"
+            + "\nhint: name one of them with --cloud-topic"
+    );
+}
