@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-use crate::error::Error;
+use crate::error::{Error, HINT_INCOMPLETE};
 
 /// Longest line accepted in a text header or a text body, bytes. Real ones are below a kilobyte.
 pub(crate) const LINE_LIMIT: u64 = 64 * 1024;
@@ -26,6 +26,14 @@ impl Input {
         let (file, len) = open_regular(path)?;
         let reader = BufReader::with_capacity(1 << 16, file);
         Ok(Self { path: path.to_owned(), len, reader, taken: 0, line: 0 })
+    }
+
+    /// An error where the file has no byte at all.
+    pub(crate) fn refuse_empty(&self) -> Result<(), Error> {
+        match self.len {
+            0 => Err(Error::empty(&self.path, "the file is empty (0 bytes)", HINT_INCOMPLETE)),
+            _ => Ok(()),
+        }
     }
 
     /// Bytes not taken yet.

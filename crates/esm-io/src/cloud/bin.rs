@@ -8,9 +8,7 @@ use crate::scalar::{Scalar, XyzLayout};
 const POINT: u64 = 16;
 
 pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> {
-    if input.len == 0 {
-        return Err(Error::empty(&input.path, "the file is empty (0 bytes)", HINT_INCOMPLETE));
-    }
+    input.refuse_empty()?;
     if !input.len.is_multiple_of(POINT) {
         return Err(Error::malformed(
             &input.path,

@@ -21,6 +21,9 @@ const BATCH: u64 = 4096;
 /// Bytes of an extended variable length record before its data; its length stands at byte 20.
 const EVLR_HEADER: u64 = 60;
 
+/// Bytes of a variable length record before its data.
+const VLR_HEADER: u64 = 54;
+
 const HINT_LAS: &str = "check that this is a LAS or LAZ file of version 1.0 to 1.4";
 
 pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> {
@@ -59,6 +62,16 @@ fn decode(path: &Path, file: BufReader<File>, declared: u64, sink: &mut PointSin
 }
 
 fn las_error(path: &Path, place: &str, error: &las::Error) -> Error {
+    let ends = match error {
+        las::Error::Io(e) => e.kind() == std::io::ErrorKind::UnexpectedEof,
+        // `laz` wraps the same error in a type that `las` does not pass on, and that gives no source: its text is left.
+        las::Error::LasZipError(e) => e.to_string().ends_with("failed to fill whole buffer"),
+        _ => false,
+    };
+    if ends {
+        let what = "the file is cut short: it ends inside its header, its variable length records or its chunk table";
+        return Error::malformed(path, place, what, HINT_INCOMPLETE);
+    }
     Error::malformed(path, place, error.to_string(), HINT_LAS)
 }
 
@@ -66,9 +79,7 @@ fn las_error(path: &Path, place: &str, error: &las::Error) -> Error {
 fn check_header(input: &mut Input) -> Result<u64, Error> {
     let path = input.path.clone();
     let bad = |what: String, hint: &str| Error::malformed(&path, "header", what, hint);
-    if input.len == 0 {
-        return Err(Error::empty(&path, "the file is empty (0 bytes)", HINT_INCOMPLETE));
-    }
+    input.refuse_empty()?;
     let header = match raw::Header::read_from(&mut input.reader) {
         Ok(header) => header,
         Err(las::Error::Io(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
@@ -81,6 +92,15 @@ fn check_header(input: &mut Input) -> Result<u64, Error> {
     let start = u64::from(header.offset_to_point_data);
     if start > input.len {
         let what = format!("the points start at byte {start}, the file has {}", input.len);
+        return Err(bad(what, HINT_INCOMPLETE));
+    }
+    // Records may be less tightly packed, never more.
+    let (records, size) = (header.number_of_variable_length_records, u64::from(header.header_size));
+    if u64::from(records) * VLR_HEADER > start.saturating_sub(size) {
+        let what = format!(
+            "the header says {records} variable length records, the {} bytes before the points cannot hold them",
+            start.saturating_sub(size)
+        );
         return Err(bad(what, HINT_INCOMPLETE));
     }
     let points = match (header.number_of_point_records, header.large_file) {

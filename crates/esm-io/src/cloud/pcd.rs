@@ -43,6 +43,7 @@ struct Header {
 }
 
 pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> {
+    input.refuse_empty()?;
     let header = read_header(&mut input)?;
     match header.data {
         Data::Ascii => read_ascii(input, &header, sink),

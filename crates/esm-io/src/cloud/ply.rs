@@ -35,6 +35,7 @@ struct Element {
 }
 
 pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> {
+    input.refuse_empty()?;
     let (format, elements) = read_header(&mut input)?;
     for element in &elements {
         let is_vertex = element.name == "vertex";

@@ -235,6 +235,34 @@ fn cut_laz_files_are_errors() {
         let error = read_prior_cloud(&file.path).unwrap_err();
         assert!(file.message(&error).starts_with("cut.laz: "), "{error}");
     }
+    for cut in [whole.len() - 1, whole.len() - 3] {
+        let file = TestFile::new("cut.laz", &whole[..cut]);
+        let what = "the file is cut short: it ends inside its header, its variable length records or its chunk table";
+        let error = read_prior_cloud(&file.path).unwrap_err();
+        assert_eq!(file.message(&error), format!("cut.laz: header: {what}\n{INCOMPLETE}"));
+    }
+}
+
+/// More variable length records than stand before the points.
+#[test]
+fn hostile_numbers_of_records() {
+    let las = las_1_2(&[[1, 2, 3]; 10]);
+    for (mut bytes, before) in [(las, 0), (laz(500), 94)] {
+        bytes[100..104].copy_from_slice(&4_000_000_000u32.to_le_bytes());
+        let what = format!(
+            "the header says 4000000000 variable length records, the {before} bytes before the points cannot hold them"
+        );
+        fails(&bytes, &format!("survey.las: header: {what}\n{INCOMPLETE}"));
+    }
+    // Few enough by number, and their lengths lead beyond the end.
+    let mut bytes = laz(500);
+    bytes[375 + 20..375 + 22].fill(0xFF);
+    bytes.truncate(2000);
+    let file = TestFile::new("survey.laz", &bytes);
+    let error = file.message(&read_prior_cloud(&file.path).unwrap_err());
+    let what =
+        "the file is cut short: it ends inside its header, its variable length records or its chunk table";
+    assert_eq!(error, format!("survey.laz: header: {what}\n{INCOMPLETE}"));
 }
 
 /// Bytes of a LAZ file altered one at a time: errors or other points, never a panic.

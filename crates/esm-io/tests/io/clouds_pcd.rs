@@ -155,7 +155,12 @@ fn hostile_counts_allocate_nothing() {
 #[test]
 fn broken_headers() {
     let hint = "hint: a PCD header has the lines FIELDS, SIZE, TYPE, COUNT, WIDTH, HEIGHT, POINTS, DATA";
-    fails("", &format!("scan.pcd: header: no DATA line was found\n{hint}"));
+    fails("\n", &format!("scan.pcd: header: no DATA line was found\n{hint}"));
+    fails(
+        "",
+        "scan.pcd: the file is empty (0 bytes)\nhint: the copy may be incomplete; compare the file's size with the \
+         original's",
+    );
     fails("just text\n", &format!("scan.pcd: header: no DATA line was found\n{hint}"));
     fails("DATA ascii\n", &format!("scan.pcd: header: the FIELDS line is missing\n{hint}"));
     fails(
