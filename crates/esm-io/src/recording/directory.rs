@@ -83,10 +83,10 @@ impl ScanDirectory {
                 match &numbers {
                     _ if n == files.len() => Some(SweepPoses::ByIndex(poses)),
                     // A part of a longer drive whose files kept their numbers, as in KITTI.
-                    Some(numbers) if numbers.iter().all(|&i| (i as usize) < n) => {
+                    Some(numbers) if is_part(numbers) && numbers.iter().all(|&i| (i as usize) < n) => {
                         Some(SweepPoses::ByIndex(numbers.iter().map(|&i| poses[i as usize]).collect()))
                     }
-                    _ => return Err(does_not_fit(&file, n, path, files.len())),
+                    _ => return Err(wrong_number(&file, n, files.len())),
                 }
             }
             Some((file, PoseFile::Stamped(poses))) => {
@@ -148,6 +148,21 @@ impl DirectorySweeps {
 /// A file's number as a time: one second a scan, for want of anything better.
 fn as_stamp(number: i64, is_time: bool) -> i64 {
     if is_time { number } else { number.saturating_mul(SECOND) }
+}
+
+/// Whether numbered files are a part of something longer: files that count from 0 or 1 without a gap are all there is.
+/// A single file may be either.
+fn is_part(numbers: &[i64]) -> bool {
+    let (first, last) = (numbers.first().copied().unwrap_or(0), numbers.last().copied().unwrap_or(0));
+    numbers.len() == 1 || first > 1 || last - first >= numbers.len() as i64
+}
+
+fn wrong_number(poses: &Path, n: usize, scans: usize) -> Error {
+    let (place, what) =
+        (format!("line {}", n.min(scans) + 1), format!("the file has {n} lines for {scans} scans"));
+    let hint =
+        "KITTI poses have no stamps and need one line a scan in file order; TUM poses are matched by time";
+    Error::malformed(poses, place, what, hint)
 }
 
 fn does_not_fit(poses: &Path, n: usize, directory: &Path, scans: usize) -> Error {

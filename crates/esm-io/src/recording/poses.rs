@@ -34,7 +34,7 @@ impl SweepPoses {
             PoseFile::Ordered(poses) => Err(Error::malformed(
                 path,
                 format!("line {}", poses.len().min(sweeps) + 1),
-                format!("the file holds {} poses, the recording {sweeps} sweeps", poses.len()),
+                format!("the file has {} lines for {sweeps} sweeps", poses.len()),
                 "KITTI poses have no stamps and need one line a sweep; TUM poses are matched by time",
             )),
         }

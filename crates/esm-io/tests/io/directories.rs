@@ -90,14 +90,13 @@ fn poses_by_order_and_by_number() {
 
     let options = with_poses(dir.path(), "short.txt", &kitti(3));
     let error = Recording::open(dir.path(), &options).unwrap_err().to_string();
-    let (file, dir) = (dir.path().join("short.txt"), dir.path());
+    let file = dir.path().join("short.txt");
     assert_eq!(
         error,
         format!(
-            "{}: line 3: the file holds 3 poses, the 2 scans of {} match none of them\nhint: give one pose a scan in \
-             file order, or TUM stamps that agree with the times in the files' names",
-            file.display(),
-            dir.display()
+            "{}: line 3: the file has 3 lines for 2 scans\nhint: KITTI poses have no stamps and need one line a scan in \
+             file order; TUM poses are matched by time",
+            file.display()
         )
     );
 }
@@ -238,4 +237,28 @@ fn pipes_and_devices_are_refused_before_they_are_opened() {
 #[cfg(unix)]
 fn extension_is_cloud(name: &str) -> bool {
     [".pcd", ".ply", ".las", ".laz", ".bin"].iter().any(|e| name.ends_with(e))
+}
+
+/// Files that count from 0 or 1 are a whole drive; what begins later or has gaps is a part of one.
+#[test]
+fn kitti_lines_must_be_as_many_as_scans() {
+    let names = |from: i32, n: i32| (from..from + n).map(|i| format!("{i:06}.pcd")).collect::<Vec<_>>();
+    let lines = |n: i32| (0..n).map(|i| format!("1 0 0 {i} 0 1 0 0 0 0 1 0\n")).collect::<String>();
+    for (from, n, told) in [
+        (0, 7, "line 7: the file has 7 lines for 6 scans"),
+        (1, 7, "line 7: the file has 7 lines for 6 scans"),
+        (0, 5, "line 6: the file has 5 lines for 6 scans"),
+        (3, 8, "line 7: the file has 8 lines for 6 scans"),
+    ] {
+        let names = names(from, 6);
+        let dir = scans(&names.iter().map(String::as_str).collect::<Vec<_>>());
+        let options = with_poses(dir.path(), "poses.txt", &lines(n));
+        let error = Recording::open(dir.path(), &options).unwrap_err().to_string();
+        let hint = "hint: KITTI poses have no stamps and need one line a scan in file order; TUM poses are matched by time";
+        assert_eq!(error, format!("{}: {told}\n{hint}", dir.path().join("poses.txt").display()));
+    }
+    let names = names(3, 6);
+    let dir = scans(&names.iter().map(String::as_str).collect::<Vec<_>>());
+    let (_, _, poses) = order(dir.path(), &with_poses(dir.path(), "poses.txt", &lines(9)));
+    assert_eq!(poses, (3..9).map(|i| Some(f64::from(i))).collect::<Vec<_>>());
 }

@@ -359,7 +359,7 @@ fn poses_from_files() {
     }
     assert_eq!(
         read_with(&kitti(5)).error.unwrap(),
-        "poses.txt: line 4: the file holds 5 poses, the recording 3 sweeps\nhint: KITTI poses have no stamps and need \
+        "poses.txt: line 4: the file has 5 lines for 3 sweeps\nhint: KITTI poses have no stamps and need \
          one line a sweep; TUM poses are matched by time"
     );
     let all = read_with("1000 1 0 0 0 0 0 1\n");
