@@ -5,7 +5,7 @@ use std::path::Path;
 use esm_core::Pose;
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
-use super::{data_words, no_poses};
+use super::{HINT_RANGE, data_words, no_poses, out_of_range};
 use crate::error::Error;
 use crate::input::{Input, text, tokens};
 
@@ -34,6 +34,9 @@ pub fn read_kitti_poses(path: impl AsRef<Path>) -> Result<Vec<Pose>, Error> {
         for (slot, word) in v.iter_mut().zip(tokens(&line).map(text)) {
             *slot =
                 word.parse().map_err(|_| input.line_error(format!("'{word}' is no number"), HINT_KITTI))?;
+        }
+        if let Some(what) = out_of_range([v[3], v[7], v[11]]) {
+            return Err(input.line_error(what, HINT_RANGE));
         }
         let r = Matrix3::new(v[0], v[1], v[2], v[4], v[5], v[6], v[8], v[9], v[10]);
         let off = (r * r.transpose() - Matrix3::identity()).abs().max();

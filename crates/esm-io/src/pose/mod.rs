@@ -98,12 +98,44 @@ pub(crate) fn seconds(ns: i64) -> f64 {
     ns.div_euclid(1_000_000_000) as f64 + ns.rem_euclid(1_000_000_000) as f64 / 1e9
 }
 
+/// Farthest position accepted, metres: beyond any map frame, and far below where f64 is coarser than a sensor.
+const POSITION_LIMIT: f64 = 1e9;
+
+/// Whether a position is finite and within 10^9 m on every axis.
+pub(crate) fn in_range(t: [f64; 3]) -> bool {
+    t.iter().all(|v| v.abs() <= POSITION_LIMIT)
+}
+
+/// What to say of a finite position that is not.
+fn out_of_range(t: [f64; 3]) -> Option<String> {
+    let out = t.iter().all(|v| v.is_finite()) && !in_range(t);
+    out.then(|| {
+        format!(
+            "the position {} {} {} is out of range, farther than {POSITION_LIMIT:e} m",
+            Far(t[0]),
+            Far(t[1]),
+            Far(t[2])
+        )
+    })
+}
+
+/// A number in as few characters as tell it.
+struct Far(f64);
+
+impl std::fmt::Display for Far {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.0.abs() < 1e6 { write!(f, "{}", self.0) } else { write!(f, "{:e}", self.0) }
+    }
+}
+
+const HINT_RANGE: &str = "positions are metres; check the columns' order and units";
+
 /// A pose from a position and a quaternion as programs write them: normalised here, `None` where they are no pose (not
-/// finite, or a quaternion whose length is not near 1, such as the zeros of a filter that has not started).
+/// finite, farther than 10^9 m, or a quaternion whose length is not near 1, such as the zeros of a filter that has not started).
 pub(crate) fn pose_from(t: [f64; 3], xyzw: [f64; 4]) -> Option<Pose> {
     let q = Quaternion::new(xyzw[3], xyzw[0], xyzw[1], xyzw[2]);
     let norm = q.norm();
-    let fine = t.iter().all(|v| v.is_finite()) && (0.9..1.1).contains(&norm);
+    let fine = in_range(t) && (0.9..1.1).contains(&norm);
     fine.then(|| Pose::from_parts(Translation3::new(t[0], t[1], t[2]), UnitQuaternion::new_normalize(q)))
 }
 
@@ -148,6 +180,7 @@ mod tests {
         assert!(pose_from([0.0; 3], [0.0; 4]).is_none());
         assert!(pose_from([f64::NAN, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]).is_none());
         assert!(pose_from([0.0; 3], [f64::NAN, 0.0, 0.0, 1.0]).is_none());
+        assert!(pose_from([0.0, -1.1e9, 0.0], [0.0, 0.0, 0.0, 1.0]).is_none());
         let pose = pose_from([1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.001]).unwrap();
         assert_eq!(pose.rotation.w, 1.0);
     }

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use super::{StampedPose, data_words, no_poses, parse_stamp, pose_from};
+use super::{HINT_RANGE, StampedPose, data_words, no_poses, out_of_range, parse_stamp, pose_from};
 use crate::atomic::AtomicFile;
 use crate::error::Error;
 use crate::input::{Input, text, tokens};
@@ -33,6 +33,9 @@ pub fn read_tum(path: impl AsRef<Path>) -> Result<Vec<StampedPose>, Error> {
         let mut v = [0.0; 7];
         for (slot, word) in v.iter_mut().zip(words) {
             *slot = word.parse().map_err(|_| input.line_error(format!("'{word}' is no number"), HINT_TUM))?;
+        }
+        if let Some(what) = out_of_range([v[0], v[1], v[2]]) {
+            return Err(input.line_error(what, HINT_RANGE));
         }
         let Some(pose) = pose_from([v[0], v[1], v[2]], [v[3], v[4], v[5], v[6]]) else {
             let what = "the position is not finite or the quaternion is not of length 1";

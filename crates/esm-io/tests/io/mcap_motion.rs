@@ -301,11 +301,12 @@ fn messages_without_a_pose_are_left_out_and_counted() {
     mcap.channel(1, "/points", CLOUD).channel(2, "/odom", ODOMETRY);
     mcap.message(2, 0, &odometry(0, "odom", "lidar", [0.0; 3], [0.0; 4]));
     mcap.message(2, 0, &odometry(0, "odom", "lidar", [f64::NAN, 0.0, 0.0], yaw(0.0)));
+    mcap.message(2, 0, &odom(40, "lidar", 1e308, 0.0));
     mcap.message(1, 0, &cloud(50, "lidar"));
     mcap.message(2, 0, &odom(0, "lidar", 1.0, 0.0)).message(2, 0, &odom(100, "lidar", 2.0, 0.0));
     let all = read(&mcap);
     assert_pose(&all.sweeps[0], at(1.5, 0.0, 0.0));
-    assert_eq!(all.warnings, ["r.mcap: 2 messages of /odom hold no valid pose and were left out"]);
+    assert_eq!(all.warnings, ["r.mcap: 3 messages of /odom hold no valid pose and were left out"]);
 }
 
 #[test]

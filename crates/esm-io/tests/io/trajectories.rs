@@ -46,6 +46,8 @@ fn kitti_rows_become_rotations() {
 fn broken_trajectories() {
     let tum = "hint: a TUM line is 'stamp x y z qx qy qz qw'";
     let kitti = "hint: a KITTI line has 12 numbers: r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz";
+    let far =
+        "is out of range, farther than 1e9 m\nhint: positions are metres; check the columns' order and units";
     let cases = [
         (
             "# nothing\n",
@@ -86,6 +88,8 @@ fn broken_trajectories() {
         ("1 0 0 0 0 1 0 0 0 0 -1 0\n", &format!("line 1: the matrix is no rigid motion\n{kitti}")),
         ("2 0 0 0 0 1 0 0 0 0 1 0\n", &format!("line 1: the matrix is no rigid motion\n{kitti}")),
         ("1 0 0 inf 0 1 0 0 0 0 1 0\n", &format!("line 1: the matrix is no rigid motion\n{kitti}")),
+        ("1 0 0 5 0 1 0 -2.5e9 0 0 1 0\n", &format!("line 1: the position 5 -2.5e9 0 {far}")),
+        ("1 0 0 0 0 0 0 1\n2 1e308 0.5 0 0 0 0 1\n", &format!("line 2: the position 1e308 0.5 0 {far}")),
         ("nan 0 0 0 0 1 0 0 0 0 1 0\n", &format!("line 1: the matrix is no rigid motion\n{kitti}")),
     ];
     for (text, message) in cases {
