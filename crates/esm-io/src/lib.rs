@@ -1,7 +1,8 @@
 //! Readers and writers for LiDAR recordings, point clouds and trajectories.
 //!
 //! - [`Recording`]: sweeps with the motion between them, from one `.mcap` (ROS 2: PointCloud2 with Odometry, PoseStamped or
-//!   TF), a directory of scans, or a single scan; in constant memory, across damage.
+//!   TF), a directory of scans, or a single scan; across damage, in constant memory where motion and clouds are in time order
+//!   (else the motion alone is gathered first).
 //! - [`read_prior_cloud`], [`read_scan`]: `.las`, `.laz`, `.pcd`, `.ply`, KITTI `.bin`.
 //! - [`read_tum`], [`read_kitti_poses`], [`read_poses`]: trajectories; [`write_tum`] and [`PoseWriter`] write them.
 //!

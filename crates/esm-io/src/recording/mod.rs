@@ -1,4 +1,5 @@
-//! Recordings: sweeps one after the other, with the motion between them, in constant memory.
+//! Recordings: sweeps one after the other, with the motion between them, in constant memory. Only where the motion is not in
+//! time order with the clouds is all of it, and it alone, gathered beforehand: at most 10 million samples, 640 MB.
 
 mod directory;
 mod mcap;
@@ -45,7 +46,9 @@ pub struct OpenOptions {
     pub cloud_topic: Option<String>,
     /// The topic of the motion; needed where several are of the best kind (Odometry, then PoseStamped, then TF).
     pub motion_topic: Option<String>,
-    /// A TUM or KITTI file that gives the sensor's pose at each sweep, instead of a topic.
+    /// A TUM or KITTI file that gives the sensor's pose at each sweep, instead of a topic. TUM poses are matched by time;
+    /// KITTI poses need one line a sweep, or, for numbered files of a directory that are a part of a longer drive (they
+    /// begin after 1, have gaps, or are one), a line for each number from 0.
     pub poses: Option<PathBuf>,
 }
 
@@ -59,7 +62,7 @@ pub struct Recording {
 
 #[derive(Debug)]
 enum Source {
-    Mcap(mcap::McapSource),
+    Mcap(Box<mcap::McapSource>),
     Directory(directory::ScanDirectory),
 }
 
@@ -96,7 +99,7 @@ impl Recording {
         let poses = options.poses.as_deref().map(|p| read_poses(p).map(|f| (p.to_owned(), f))).transpose()?;
         let mut warnings = Vec::new();
         let source = match classify(&path)? {
-            InputKind::Recording => Source::Mcap(mcap::McapSource::open(&path, options, poses)?),
+            InputKind::Recording => Source::Mcap(Box::new(mcap::McapSource::open(&path, options, poses)?)),
             InputKind::ScanDirectory => {
                 Source::Directory(directory::ScanDirectory::open(&path, poses, &mut warnings)?)
             }
