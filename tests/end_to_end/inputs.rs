@@ -191,6 +191,27 @@ fn truths_must_be_poses_over_time() {
 }
 
 #[test]
+fn a_gap_in_the_truth_judges_nothing() {
+    let town = &*TOWN;
+    let dir = folder();
+    let truth = dir.path().join("truth.tum");
+    let whole = fs::read_to_string(town.path("live_truth.tum")).unwrap();
+    let lines: Vec<&str> = whole.lines().filter(|l| !l.starts_with('#')).collect();
+    assert_eq!(lines.len(), town.live_drive.len());
+    // 20 s around a corner: a straight line would be far from the road.
+    let holed: Vec<&str> = lines[..20].iter().chain(&lines[60..]).copied().collect();
+    fs::write(&truth, holed.join("\n") + "\n").unwrap();
+    let ran =
+        esm!["localize", "--json", "--map", town.path("map.esm"), town.path("live.mcap"), "--truth", truth]
+            .ended(0);
+    let summary = ran.summary();
+    assert_eq!((&summary["outside_truth"], &summary["false"]), (&Value::from(40), &Value::from(0)));
+    assert_eq!(summary["clouds"].as_u64().unwrap() as usize, lines.len() - 40);
+    let unjudged = ran.json().iter().filter(|l| l["localizable"].is_null() && l["error_m"].is_null()).count();
+    assert_eq!(unjudged, 40 + 1, "the summary has neither");
+}
+
+#[test]
 fn a_recording_can_be_the_truth() {
     let town = &*TOWN;
     let summary = esm![

@@ -112,7 +112,10 @@ impl Summary<'_> {
                 ));
             }
             if t.outside_truth > 0 {
-                text.push_str(&format!("({} clouds outside the truth are not counted)\n", t.outside_truth));
+                text.push_str(&format!(
+                    "({} clouds outside the truth, or in a gap of it, are not counted)\n",
+                    t.outside_truth
+                ));
             }
             if let (Some(m), Some(deg)) = (t.errors_m.at(0.5), t.errors_deg.at(0.5)) {
                 text.push_str(&format!("median error {m:.3} m, {deg:.3}°\n"));
