@@ -131,6 +131,17 @@ fn files_that_are_nothing_of_ours_are_refused() {
 }
 
 #[test]
+fn an_input_given_twice_is_refused() {
+    let (map, live) = (TOWN.path("map.esm"), TOWN.path("live.mcap"));
+    let twice = ["live.mcap: this input is given twice"];
+    esm!["localize", "--map", map, live, TOWN.path("silent.mcap"), live].failed(&twice);
+    esm!["loops", live, live].failed(&twice);
+    let other = TOWN.path("other.esm");
+    esm!["map", "build", live, live, "-o", other].failed(&twice);
+    assert!(!other.exists());
+}
+
+#[test]
 fn a_map_needs_to_know_where_the_scans_were_taken() {
     let dir = folder();
     let map = dir.path().join("m.esm");

@@ -2,9 +2,11 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::sync::LazyLock;
 
-use crate::common::{TOWN, esm, folder, names, program};
+use crate::common::{TOWN, esm, folder, lasting_folder, names, program};
 
 #[test]
 fn located_poses_are_written_as_tum() {
@@ -155,12 +157,23 @@ fn the_table_is_for_people() {
     assert_eq!(ran.stderr, "", "nothing to warn of, and no bars where nobody sees them");
 }
 
+/// The live drive under many names: no input may be given twice.
+static MANY: LazyLock<Vec<PathBuf>> = LazyLock::new(|| {
+    let dir = lasting_folder("many");
+    let link = |i: usize| {
+        let path = dir.join(format!("{i}.mcap"));
+        fs::hard_link(TOWN.path("live.mcap"), &path).expect("a second name of live.mcap");
+        path
+    };
+    (0..40).map(link).collect()
+});
+
 /// Starts a run that takes a while and waits for its first line.
 fn start(extra: &[&std::ffi::OsStr]) -> (std::process::Child, BufReader<std::process::ChildStdout>) {
     let town = &*TOWN;
     let mut command = program();
     command.args(["localize", "--json", "--map"]).arg(town.path("map.esm"));
-    command.args((0..40).map(|_| town.path("live.mcap"))).args(extra);
+    command.args(&*MANY).args(extra);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stdout.take().unwrap());
     let mut first = String::new();

@@ -6,7 +6,7 @@ use esm_core::{Accumulator, Config, Map, MapBuilder};
 use esm_io::InputKind;
 
 use crate::args::{BuildArgs, LiveArgs};
-use crate::inputs::Frames;
+use crate::inputs::{Frames, check_distinct};
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Format, check_target, data};
 use crate::signals::Unfinished;
@@ -17,6 +17,7 @@ const FORMATS: &[Format] = &[Format { extension: ".esm" }];
 pub(crate) fn run(args: &BuildArgs) -> anyhow::Result<Outcome> {
     let started = std::time::Instant::now();
     Format::of(&args.output, FORMATS)?;
+    check_distinct(&args.inputs)?;
     check_target(&args.output, &args.inputs)?;
     let live = LiveArgs { accumulate: args.accumulate, swathes: false };
     let mut config = settings::configure(&args.tune, &live)?;

@@ -7,7 +7,7 @@ use esm_core::{Accumulator, Config, Localization, Localizer, Map, Verdict};
 use serde_json::json;
 
 use crate::args::LocalizeArgs;
-use crate::inputs::{Frames, read_truth};
+use crate::inputs::{Frames, check_distinct, read_truth};
 use crate::outcome::Outcome;
 use crate::output::summary::{StageTimes, Summary};
 use crate::output::{Lines, PoseWriter, check_target, json_line, table_header, table_line};
@@ -16,6 +16,7 @@ use crate::settings;
 use crate::truth::{Judgement, Places, Tally, Trajectory};
 
 pub(crate) fn run(args: &LocalizeArgs) -> anyhow::Result<Outcome> {
+    check_distinct(&args.inputs)?;
     check_outputs(args)?;
     let mut config = settings::configure(&args.tune, &args.live)?;
     let map = Arc::new(Map::open(&args.map)?);

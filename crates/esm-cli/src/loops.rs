@@ -8,7 +8,7 @@ use nalgebra::Matrix6;
 use serde_json::json;
 
 use crate::args::LoopsArgs;
-use crate::inputs::{Frames, read_truth};
+use crate::inputs::{Frames, check_distinct, read_truth};
 use crate::outcome::{Failure, Outcome};
 use crate::output::summary::{StageTimes, Summary};
 use crate::output::{Format, G2o, Lines, Target, check_target, loop_header, loop_json, loop_row};
@@ -18,6 +18,7 @@ use crate::truth::{Judgement, Places, PoseError, Tally, Trajectory};
 const FORMATS: &[Format] = &[Format { extension: ".g2o" }];
 
 pub(crate) fn run(args: &LoopsArgs) -> anyhow::Result<Outcome> {
+    check_distinct(&args.inputs)?;
     if let Some(path) = &args.output {
         Format::of(path, FORMATS)?;
         check_target(path, &args.inputs)?;
