@@ -276,6 +276,21 @@ fn impossible_flags_are_refused() {
     assert!(ran.stderr.contains("warning: --frames 60-90: the input ends with scan 71"), "{}", ran.stderr);
 }
 
+#[cfg(unix)]
+#[test]
+fn pipes_and_endless_files_are_no_configuration_and_no_truth() {
+    let dir = folder();
+    let (map, live) = (TOWN.path("map.esm"), TOWN.path("live.mcap"));
+    let pipe = dir.path().join("pipe.tum");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for flag in ["--truth", "--config"] {
+        esm!["localize", "--map", map, live, flag, pipe].failed(&["pipe.tum: this is not a regular file"]);
+        esm!["localize", "--map", map, live, flag, dir.path()].failed(&["this is a directory"]);
+    }
+    esm!["localize", "--map", map, live, "--config", "/dev/zero"].failed(&["not a regular file"]);
+    esm!["localize", "--map", map, live, "--config", live].failed(&["larger than a configuration can be"]);
+}
+
 #[test]
 fn a_configuration_is_read_and_unknown_keys_are_refused() {
     let town = &*TOWN;

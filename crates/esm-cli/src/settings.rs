@@ -5,10 +5,13 @@ use std::path::Path;
 use esm_core::{Config, describe};
 
 use crate::args::{LiveArgs, TuneArgs};
+use crate::inputs::read_text;
 use crate::outcome::Failure;
 
 /// Most worker threads that can be asked for.
 const MAX_THREADS: usize = 1024;
+/// Most bytes of a configuration file: a complete one has a few thousand.
+const MAX_CONFIG_BYTES: u64 = 1 << 20;
 
 /// The configuration file, if any, with the flags on top; checked. Also starts the worker threads.
 pub(crate) fn configure(tune: &TuneArgs, live: &LiveArgs) -> anyhow::Result<Config> {
@@ -55,12 +58,8 @@ fn origin(tune: &TuneArgs) -> String {
 
 /// Reads a configuration; keys that do not exist are refused.
 fn read(path: &Path) -> anyhow::Result<Config> {
-    let text = std::fs::read_to_string(path).map_err(|e| {
-        Failure::new(
-            format!("{}: reading it: {e}", path.display()),
-            "`esm-cli config > FILE` writes a complete one",
-        )
-    })?;
+    let hint = "`esm-cli config > FILE` writes a complete one";
+    let text = read_text(path, MAX_CONFIG_BYTES, "this is larger than a configuration can be (1 MiB)", hint)?;
     toml::from_str(&text).map_err(|e: toml::de::Error| {
         let line = e.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
         let place = line.map(|n| format!(":{n}")).unwrap_or_default();
