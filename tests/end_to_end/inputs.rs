@@ -147,7 +147,18 @@ fn a_map_needs_to_know_where_the_scans_were_taken() {
     let map = dir.path().join("m.esm");
     esm!["map", "build", TOWN.path("silent.mcap"), "-o", map].failed(&["silent.mcap", "--poses"]);
     esm!["map", "build", TOWN.path("scans"), "-o", map].failed(&["scans", "--poses"]);
-    esm!["loops", TOWN.path("silent.mcap")].failed(&["--poses"]);
+    esm!["loops", TOWN.path("silent.mcap")].failed(&["silent.mcap: this input does not tell", "--poses"]);
+    let ran = esm![
+        "localize",
+        "--map",
+        TOWN.path("map.esm"),
+        TOWN.path("live.mcap"),
+        TOWN.path("scans/0.pcd"),
+        "--frames",
+        "1-2"
+    ];
+    let silent = format!("warning: {}: this input does not tell", TOWN.path("scans/0.pcd").display());
+    assert!(ran.stderr.starts_with(&silent), "{}", ran.stderr);
     let few = dir.path().join("few.txt");
     fs::write(&few, "1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap();
     esm!["map", "build", TOWN.path("scans"), "--poses", few, "-o", map].failed(&["few.txt", "1 poses"]);
@@ -155,8 +166,11 @@ fn a_map_needs_to_know_where_the_scans_were_taken() {
     fs::write(&yesterday, "1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n").unwrap();
     esm!["map", "build", TOWN.path("silent.mcap"), "--poses", yesterday, "-o", map]
         .failed(&["no scan has a pose"]);
-    esm!["map", "build", TOWN.path("survey.pcd"), TOWN.path("map.mcap"), "-o", map]
-        .failed(&["one prior cloud"]);
+    esm!["map", "build", TOWN.path("survey.pcd"), TOWN.path("map.mcap"), "-o", map].failed(&[
+        "one prior cloud: ",
+        "survey.pcd is a prior cloud, ",
+        "map.mcap is a recording",
+    ]);
     esm!["map", "build", TOWN.path("survey.pcd"), "--frames", "1-5", "-o", map]
         .failed(&["survey.pcd", "--frames"]);
     assert!(!map.exists());
@@ -169,7 +183,8 @@ fn ground_alone_is_no_map() {
     let points: Vec<[f32; 3]> =
         (0..40_000).map(|i| [(i % 200) as f32 * 0.2, (i / 200) as f32 * 0.2, 0.0]).collect();
     write_pcd(&flat, &points).unwrap();
-    esm!["map", "build", flat, "-o", dir.path().join("m.esm")].failed(&["flat.pcd", "no segments"]);
+    esm!["map", "build", flat, "-o", dir.path().join("m.esm")]
+        .failed(&[&format!("error: {}: ", flat.display()), "no segments"]);
 }
 
 #[test]

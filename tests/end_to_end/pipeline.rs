@@ -113,7 +113,7 @@ fn without_motion_every_scan_is_localized_by_itself() {
         town.path("live_truth.tum"),
         "--json"
     ];
-    assert!(ran.stderr.contains("warning: the input does not tell how the sensor moved"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("silent.mcap: this input does not tell how the sensor moved"), "{}", ran.stderr);
     let lines = ran.json();
     assert!(lines[..lines.len() - 1].iter().all(|l| l["travel_m"] == 0.0));
     let summary = ran.summary();

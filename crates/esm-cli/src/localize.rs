@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use anyhow::Context;
 use esm_core::map::COVERAGE_CELL_M;
 use esm_core::{Accumulator, Config, Localization, Localizer, Map, Verdict};
 use serde_json::json;
@@ -23,8 +24,12 @@ pub(crate) fn run(args: &LocalizeArgs) -> anyhow::Result<Outcome> {
     warn_of_other_segments(&map, &config);
     let truth = args.truth.as_deref().map(read_truth).transpose()?;
     let mut frames = Frames::open(&args.inputs, &args.read, "localizing")?;
-    if !frames.has_motion() && config.accumulate.distance_m > 0.0 {
-        tracing::warn!("the input does not tell how the sensor moved: every scan is localized by itself");
+    if let Some(silent) = frames.silent()
+        && config.accumulate.distance_m > 0.0
+    {
+        tracing::warn!(
+            "{silent}: this input does not tell how the sensor moved: every scan is localized by itself"
+        );
         config.accumulate.distance_m = 0.0;
         config.accumulate.swathes = false;
     }
@@ -101,7 +106,8 @@ impl<'a> Run<'a> {
         let mut run = Self {
             args,
             map: Arc::clone(map),
-            localizer: Localizer::new(Arc::clone(map), config)?,
+            localizer: Localizer::new(Arc::clone(map), config)
+                .with_context(|| args.map.display().to_string())?,
             truth: truth.map(|t| (t, places)),
             accumulate_m: config.accumulate.distance_m,
             lines: Lines::new(args.output.is_none() && args.plot.is_none()),

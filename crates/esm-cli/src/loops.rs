@@ -26,9 +26,12 @@ pub(crate) fn run(args: &LoopsArgs) -> anyhow::Result<Outcome> {
     let config = settings::configure(&args.tune, &args.live)?;
     let mut past = args.truth.as_deref().map(read_truth).transpose()?.map(Past::new);
     let mut frames = Frames::open(&args.inputs, &args.read, "looking for loops")?;
-    if !frames.has_motion() {
+    if let Some(silent) = frames.silent() {
         return Err(Failure::new(
-            "the input does not tell how the sensor moved, and loops are found against what was passed before",
+            format!(
+                "{silent}: this input does not tell how the sensor moved, and loops are found against what was \
+                 passed before"
+            ),
             "give the poses of the scans with --poses FILE, or name the topic with --odometry-topic",
         )
         .into());

@@ -6,6 +6,18 @@ use std::path::{Path, PathBuf};
 
 use crate::outcome::Failure;
 
+/// Most names in one message.
+const MAX_NAMES: usize = 4;
+
+/// The paths as given, as messages name them; of many only the first ones.
+pub(crate) fn paths(inputs: &[PathBuf]) -> String {
+    let mut names: Vec<String> = inputs.iter().take(MAX_NAMES).map(|p| p.display().to_string()).collect();
+    if inputs.len() > MAX_NAMES {
+        names.push(format!("and {} more", inputs.len() - MAX_NAMES));
+    }
+    names.join(", ")
+}
+
 /// Refuses an input that is given twice, under whatever name: its scans would count twice.
 pub(crate) fn check_distinct(inputs: &[PathBuf]) -> Result<(), Failure> {
     let mut seen: Vec<(PathBuf, &Path)> = Vec::with_capacity(inputs.len());
@@ -78,6 +90,13 @@ mod tests {
         assert!(read(b"\xff").unwrap_err().contains("reading it: "));
         let error = read_text(dir.path(), 8, "too long", "a hint").unwrap_err().to_string();
         assert!(error.contains("this is a directory"), "{error}");
+    }
+
+    #[test]
+    fn many_paths_are_not_all_named() {
+        let all: Vec<PathBuf> = (1..=6).map(|i| PathBuf::from(format!("d/{i}.pcd"))).collect();
+        assert_eq!(paths(&all[..2]), "d/1.pcd, d/2.pcd");
+        assert_eq!(paths(&all), "d/1.pcd, d/2.pcd, d/3.pcd, d/4.pcd, and 2 more");
     }
 
     #[test]

@@ -5,7 +5,7 @@ mod frames;
 mod select;
 mod truth_file;
 
-pub(crate) use files::{check_distinct, check_regular, read_text};
+pub(crate) use files::{check_distinct, check_regular, paths, read_text};
 pub(crate) use frames::Frames;
 pub use select::FrameRange;
 pub(crate) use select::Selection;
