@@ -20,7 +20,7 @@ pub(crate) fn run(args: &BuildArgs) -> anyhow::Result<Outcome> {
     check_distinct(&args.inputs)?;
     check_target(&args.output, &args.inputs)?;
     let live = LiveArgs { accumulate: args.accumulate, swathes: false };
-    let mut config = settings::configure(&args.tune, &live)?;
+    let mut config = settings::configure(&args.tune, &live)?.config;
     // The builder chooses its windows; the path needs every scan.
     config.accumulate.swathes = false;
     let kinds = args.inputs.iter().map(esm_io::classify).collect::<Result<Vec<_>, _>>()?;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use esm_core::map::COVERAGE_CELL_M;
-use esm_core::{Accumulator, Config, Localization, Localizer, Map, Verdict};
+use esm_core::{Accumulator, Config, Localization, Localizer, Map, Verdict, describe};
 use serde_json::json;
 
 use crate::args::LocalizeArgs;
@@ -13,14 +13,17 @@ use crate::outcome::Outcome;
 use crate::output::summary::{StageTimes, Summary};
 use crate::output::{Lines, PoseWriter, check_target, json_line, table_header, table_line};
 use crate::plot::{self, Caption, Drive};
-use crate::settings;
+use crate::settings::{self, Settings};
 use crate::truth::{Judgement, Places, Tally, Trajectory};
 
 pub(crate) fn run(args: &LocalizeArgs) -> anyhow::Result<Outcome> {
     check_distinct(&args.inputs)?;
     check_outputs(args)?;
-    let mut config = settings::configure(&args.tune, &args.live)?;
+    let Settings { mut config, descriptor_given } = settings::configure(&args.tune, &args.live)?;
     let map = Arc::new(Map::open(&args.map)?);
+    if !descriptor_given && describe::by_name(&map.descriptor_info().name).is_ok() {
+        config.descriptor.clone_from(&map.descriptor_info().name);
+    }
     warn_of_other_segments(&map, &config);
     let truth = args.truth.as_deref().map(read_truth).transpose()?;
     let mut frames = Frames::open(&args.inputs, &args.read, "localizing")?;

@@ -23,7 +23,7 @@ pub(crate) fn run(args: &LoopsArgs) -> anyhow::Result<Outcome> {
         Format::of(path, FORMATS)?;
         check_target(path, &args.inputs)?;
     }
-    let config = settings::configure(&args.tune, &args.live)?;
+    let config = settings::configure(&args.tune, &args.live)?.config;
     let mut past = args.truth.as_deref().map(read_truth).transpose()?.map(Past::new);
     let mut frames = Frames::open(&args.inputs, &args.read, "looking for loops")?;
     if let Some(silent) = frames.silent() {
