@@ -131,12 +131,34 @@ fn files_that_are_nothing_of_ours_are_refused() {
 }
 
 #[test]
+fn an_input_given_twice_is_refused() {
+    let (map, live) = (TOWN.path("map.esm"), TOWN.path("live.mcap"));
+    let twice = ["live.mcap: this input is given twice"];
+    esm!["localize", "--map", map, live, TOWN.path("silent.mcap"), live].failed(&twice);
+    esm!["loops", live, live].failed(&twice);
+    let other = TOWN.path("other.esm");
+    esm!["map", "build", live, live, "-o", other].failed(&twice);
+    assert!(!other.exists());
+}
+
+#[test]
 fn a_map_needs_to_know_where_the_scans_were_taken() {
     let dir = folder();
     let map = dir.path().join("m.esm");
     esm!["map", "build", TOWN.path("silent.mcap"), "-o", map].failed(&["silent.mcap", "--poses"]);
     esm!["map", "build", TOWN.path("scans"), "-o", map].failed(&["scans", "--poses"]);
-    esm!["loops", TOWN.path("silent.mcap")].failed(&["--poses"]);
+    esm!["loops", TOWN.path("silent.mcap")].failed(&["silent.mcap: this input does not tell", "--poses"]);
+    let ran = esm![
+        "localize",
+        "--map",
+        TOWN.path("map.esm"),
+        TOWN.path("live.mcap"),
+        TOWN.path("scans/0.pcd"),
+        "--frames",
+        "1-2"
+    ];
+    let silent = format!("warning: {}: this input does not tell", TOWN.path("scans/0.pcd").display());
+    assert!(ran.stderr.starts_with(&silent), "{}", ran.stderr);
     let few = dir.path().join("few.txt");
     fs::write(&few, "1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap();
     esm!["map", "build", TOWN.path("scans"), "--poses", few, "-o", map].failed(&["few.txt", "1 poses"]);
@@ -144,8 +166,11 @@ fn a_map_needs_to_know_where_the_scans_were_taken() {
     fs::write(&yesterday, "1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n").unwrap();
     esm!["map", "build", TOWN.path("silent.mcap"), "--poses", yesterday, "-o", map]
         .failed(&["no scan has a pose"]);
-    esm!["map", "build", TOWN.path("survey.pcd"), TOWN.path("map.mcap"), "-o", map]
-        .failed(&["one prior cloud"]);
+    esm!["map", "build", TOWN.path("survey.pcd"), TOWN.path("map.mcap"), "-o", map].failed(&[
+        "one prior cloud: ",
+        "survey.pcd is a prior cloud, ",
+        "map.mcap is a recording",
+    ]);
     esm!["map", "build", TOWN.path("survey.pcd"), "--frames", "1-5", "-o", map]
         .failed(&["survey.pcd", "--frames"]);
     assert!(!map.exists());
@@ -158,7 +183,8 @@ fn ground_alone_is_no_map() {
     let points: Vec<[f32; 3]> =
         (0..40_000).map(|i| [(i % 200) as f32 * 0.2, (i / 200) as f32 * 0.2, 0.0]).collect();
     write_pcd(&flat, &points).unwrap();
-    esm!["map", "build", flat, "-o", dir.path().join("m.esm")].failed(&["flat.pcd", "no segments"]);
+    esm!["map", "build", flat, "-o", dir.path().join("m.esm")]
+        .failed(&[&format!("error: {}: ", flat.display()), "no segments"]);
 }
 
 #[test]
@@ -188,6 +214,27 @@ fn truths_must_be_poses_over_time() {
     .summary();
     assert_eq!((&summary["clouds"], &summary["outside_truth"]), (&Value::from(0), &Value::from(3)));
     assert_eq!(summary["recall"], Value::Null);
+}
+
+#[test]
+fn a_gap_in_the_truth_judges_nothing() {
+    let town = &*TOWN;
+    let dir = folder();
+    let truth = dir.path().join("truth.tum");
+    let whole = fs::read_to_string(town.path("live_truth.tum")).unwrap();
+    let lines: Vec<&str> = whole.lines().filter(|l| !l.starts_with('#')).collect();
+    assert_eq!(lines.len(), town.live_drive.len());
+    // 20 s around a corner: a straight line would be far from the road.
+    let holed: Vec<&str> = lines[..20].iter().chain(&lines[60..]).copied().collect();
+    fs::write(&truth, holed.join("\n") + "\n").unwrap();
+    let ran =
+        esm!["localize", "--json", "--map", town.path("map.esm"), town.path("live.mcap"), "--truth", truth]
+            .ended(0);
+    let summary = ran.summary();
+    assert_eq!((&summary["outside_truth"], &summary["false"]), (&Value::from(40), &Value::from(0)));
+    assert_eq!(summary["clouds"].as_u64().unwrap() as usize, lines.len() - 40);
+    let unjudged = ran.json().iter().filter(|l| l["localizable"].is_null() && l["error_m"].is_null()).count();
+    assert_eq!(unjudged, 40 + 1, "the summary has neither");
 }
 
 #[test]
@@ -242,6 +289,21 @@ fn impossible_flags_are_refused() {
     }
     let ran = run(&["--frames", "60-90"]).ended(0);
     assert!(ran.stderr.contains("warning: --frames 60-90: the input ends with scan 71"), "{}", ran.stderr);
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_and_endless_files_are_no_configuration_and_no_truth() {
+    let dir = folder();
+    let (map, live) = (TOWN.path("map.esm"), TOWN.path("live.mcap"));
+    let pipe = dir.path().join("pipe.tum");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for flag in ["--truth", "--config"] {
+        esm!["localize", "--map", map, live, flag, pipe].failed(&["pipe.tum: this is not a regular file"]);
+        esm!["localize", "--map", map, live, flag, dir.path()].failed(&["this is a directory"]);
+    }
+    esm!["localize", "--map", map, live, "--config", "/dev/zero"].failed(&["not a regular file"]);
+    esm!["localize", "--map", map, live, "--config", live].failed(&["larger than a configuration can be"]);
 }
 
 #[test]

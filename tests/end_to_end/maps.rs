@@ -87,5 +87,5 @@ fn what_is_no_whole_map_is_refused() {
 fn a_map_of_another_descriptor_is_refused() {
     let town = &*TOWN;
     esm!["localize", "--descriptor", "eigen", "--map", town.path("map.esm"), town.path("live.mcap")]
-        .failed(&["shape", "eigen", "--descriptor shape"]);
+        .failed(&["map.esm: the map holds 'shape ", "eigen", "hint: use --descriptor shape, or rebuild"]);
 }

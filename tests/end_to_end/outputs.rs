@@ -2,9 +2,11 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::sync::LazyLock;
 
-use crate::common::{TOWN, esm, folder, names, program};
+use crate::common::{Ran, TOWN, esm, folder, lasting_folder, names, program};
 
 #[test]
 fn located_poses_are_written_as_tum() {
@@ -109,6 +111,64 @@ fn outputs_that_cannot_be_written_are_refused_before_the_work() {
     assert_eq!(names(dir.path()), ["file"]);
 }
 
+/// Files may not be larger than a block here, which is what a full disk is like.
+#[cfg(unix)]
+#[test]
+fn what_cannot_be_written_to_its_end_is_told_with_its_name() {
+    let town = &*TOWN;
+    let dir = folder();
+    let limited = |blocks: usize, arguments: &[&std::ffi::OsStr]| {
+        let limit = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
+        let mut shell = Command::new("sh");
+        let output =
+            shell.args(["-c", &limit]).arg(program().get_program()).args(arguments).output().unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        Ran {
+            code: output.status.code().unwrap_or(-1),
+            stdout: text(output.stdout),
+            stderr: text(output.stderr),
+        }
+    };
+    // Nobody typed the temporary name.
+    let unnamed = |ran: &Ran| !ran.stderr.contains(" at path ");
+    let path = |name: &str| dir.path().join(name);
+    let (map, live) = (town.path("map.esm"), town.path("live.mcap"));
+    let localize = ["localize".as_ref(), "--map".as_ref(), map.as_os_str(), live.as_os_str()];
+    for (name, flag) in [("x.tum", "-o"), ("x.mcap", "-o"), ("x.png", "--plot"), ("x.svg", "--plot")] {
+        let target = path(name);
+        let mut arguments = localize.to_vec();
+        arguments.extend([flag.as_ref(), target.as_os_str()]);
+        let ran = limited(1, &arguments);
+        assert!(unnamed(&ran), "{}", ran.stderr);
+        ran.failed(&[&format!("error: {}: ", target.display())]);
+    }
+    let ran = limited(
+        64,
+        &[
+            "map".as_ref(),
+            "build".as_ref(),
+            town.path("map.mcap").as_os_str(),
+            "-o".as_ref(),
+            path("x.esm").as_os_str(),
+        ],
+    );
+    assert!(unnamed(&ran), "{}", ran.stderr);
+    ran.failed(&[&format!("error: {}: ", path("x.esm").display())]);
+    limited(0, &["man".as_ref(), "-o".as_ref(), dir.path().as_os_str()]).failed(&[".1: writing it: "]);
+    assert_eq!(names(dir.path()), [""; 0], "nothing is left behind");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_under_stdout_is_told() {
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = program().arg("config").stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.starts_with("error: writing to stdout: "), "{stderr}");
+    assert!(stderr.ends_with("\nhint: free space or choose another place\n"), "{stderr}");
+}
+
 #[test]
 fn inputs_are_never_overwritten() {
     let town = &*TOWN;
@@ -155,12 +215,23 @@ fn the_table_is_for_people() {
     assert_eq!(ran.stderr, "", "nothing to warn of, and no bars where nobody sees them");
 }
 
+/// The live drive under many names: no input may be given twice.
+static MANY: LazyLock<Vec<PathBuf>> = LazyLock::new(|| {
+    let dir = lasting_folder("many");
+    let link = |i: usize| {
+        let path = dir.join(format!("{i}.mcap"));
+        fs::hard_link(TOWN.path("live.mcap"), &path).expect("a second name of live.mcap");
+        path
+    };
+    (0..40).map(link).collect()
+});
+
 /// Starts a run that takes a while and waits for its first line.
 fn start(extra: &[&std::ffi::OsStr]) -> (std::process::Child, BufReader<std::process::ChildStdout>) {
     let town = &*TOWN;
     let mut command = program();
     command.args(["localize", "--json", "--map"]).arg(town.path("map.esm"));
-    command.args((0..40).map(|_| town.path("live.mcap"))).args(extra);
+    command.args(&*MANY).args(extra);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stdout.take().unwrap());
     let mut first = String::new();

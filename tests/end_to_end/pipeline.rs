@@ -113,7 +113,11 @@ fn without_motion_every_scan_is_localized_by_itself() {
         town.path("live_truth.tum"),
         "--json"
     ];
-    assert!(ran.stderr.contains("warning: the input does not tell how the sensor moved"), "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("silent.mcap: this input does not tell how the sensor moved"),
+        "{}",
+        ran.stderr
+    );
     let lines = ran.json();
     assert!(lines[..lines.len() - 1].iter().all(|l| l["travel_m"] == 0.0));
     let summary = ran.summary();
@@ -172,10 +176,9 @@ fn the_other_descriptor_works_too() {
     let dir = folder();
     let map = dir.path().join("eigen.esm");
     esm!["map", "build", town.path("map.mcap"), "--descriptor", "eigen", "-o", map].ended(0);
+    // The map tells which one it needs.
     let summary = esm![
         "localize",
-        "--descriptor",
-        "eigen",
         "--map",
         map,
         town.path("live.mcap"),

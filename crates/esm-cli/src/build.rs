@@ -6,7 +6,7 @@ use esm_core::{Accumulator, Config, Map, MapBuilder};
 use esm_io::InputKind;
 
 use crate::args::{BuildArgs, LiveArgs};
-use crate::inputs::Frames;
+use crate::inputs::{Frames, check_distinct, paths};
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Format, check_target, data};
 use crate::signals::Unfinished;
@@ -17,9 +17,10 @@ const FORMATS: &[Format] = &[Format { extension: ".esm" }];
 pub(crate) fn run(args: &BuildArgs) -> anyhow::Result<Outcome> {
     let started = std::time::Instant::now();
     Format::of(&args.output, FORMATS)?;
+    check_distinct(&args.inputs)?;
     check_target(&args.output, &args.inputs)?;
     let live = LiveArgs { accumulate: args.accumulate, swathes: false };
-    let mut config = settings::configure(&args.tune, &live)?;
+    let mut config = settings::configure(&args.tune, &live)?.config;
     // The builder chooses its windows; the path needs every scan.
     config.accumulate.swathes = false;
     let kinds = args.inputs.iter().map(esm_io::classify).collect::<Result<Vec<_>, _>>()?;
@@ -28,14 +29,17 @@ pub(crate) fn run(args: &BuildArgs) -> anyhow::Result<Outcome> {
         (_, false) => from_recordings(args, &config)?,
         (_, true) => {
             return Err(Failure::new(
-                "a map is built from recordings, or from one prior cloud",
+                format!(
+                    "a map is built from recordings, or from one prior cloud: {}",
+                    kinds_of(args, &kinds)
+                ),
                 "put scans into a directory and give it with --poses, or give the one cloud alone",
             )
             .into());
         }
     };
     let bar = console::bar("describing the map", None);
-    let map = builder.finish().map_err(|e| anyhow::Error::new(e).context(names(args)))?;
+    let map = builder.finish().map_err(|e| anyhow::Error::new(e).context(paths(&args.inputs)))?;
     bar.set_message("writing the map");
     {
         let _unfinished = Unfinished::begin();
@@ -50,9 +54,9 @@ fn from_recordings(args: &BuildArgs, config: &Config) -> anyhow::Result<MapBuild
     let mut builder = MapBuilder::new(config)?;
     builder.set_source(&names(args));
     let mut frames = Frames::open(&args.inputs, &args.read, "building the map")?;
-    if !frames.has_motion() {
+    if let Some(silent) = frames.silent() {
         return Err(Failure::new(
-            format!("{}: nothing tells where the scans were taken", names(args)),
+            format!("{silent}: nothing tells where the scans were taken"),
             "give their poses with --poses FILE (TUM or KITTI), or name the topic with --odometry-topic",
         )
         .into());
@@ -72,7 +76,7 @@ fn from_recordings(args: &BuildArgs, config: &Config) -> anyhow::Result<MapBuild
     }
     if posed == 0 {
         return Err(Failure::new(
-            format!("{}: no scan has a pose", names(args)),
+            format!("{}: no scan has a pose", paths(&args.inputs)),
             "the poses must cover the time of the scans; compare their stamps",
         )
         .into());
@@ -104,6 +108,22 @@ fn from_prior_cloud(path: &Path, args: &BuildArgs, config: &Config) -> anyhow::R
     builder.push_prior_cloud(prior.origin, &prior.cloud)?;
     bar.finish_and_clear();
     Ok(builder)
+}
+
+/// The first prior cloud and the first other input, as what they are.
+fn kinds_of(args: &BuildArgs, kinds: &[InputKind]) -> String {
+    let word = |kind: &InputKind| match kind {
+        InputKind::Recording => "a recording",
+        InputKind::ScanDirectory => "a directory of scans",
+        InputKind::PriorCloud => "a prior cloud",
+    };
+    let is_cloud = |i: &usize| kinds[*i] == InputKind::PriorCloud;
+    let cloud = (0..kinds.len()).find(is_cloud);
+    let other = (0..kinds.len()).find(|i| !is_cloud(i)).or_else(|| (0..kinds.len()).filter(is_cloud).nth(1));
+    let both = cloud.into_iter().chain(other);
+    let words: Vec<String> =
+        both.map(|i| format!("{} is {}", args.inputs[i].display(), word(&kinds[i]))).collect();
+    words.join(", ")
 }
 
 /// File names without their folders, as the map remembers them.

@@ -2,28 +2,37 @@
 
 use std::sync::Arc;
 
+use anyhow::Context;
 use esm_core::map::COVERAGE_CELL_M;
-use esm_core::{Accumulator, Config, Localization, Localizer, Map, Verdict};
+use esm_core::{Accumulator, Config, Localization, Localizer, Map, Verdict, describe};
 use serde_json::json;
 
 use crate::args::LocalizeArgs;
-use crate::inputs::{Frames, read_truth};
+use crate::inputs::{Frames, check_distinct, read_truth};
 use crate::outcome::Outcome;
 use crate::output::summary::{StageTimes, Summary};
 use crate::output::{Lines, PoseWriter, check_target, json_line, table_header, table_line};
 use crate::plot::{self, Caption, Drive};
-use crate::settings;
+use crate::settings::{self, Settings};
 use crate::truth::{Judgement, Places, Tally, Trajectory};
 
 pub(crate) fn run(args: &LocalizeArgs) -> anyhow::Result<Outcome> {
+    check_distinct(&args.inputs)?;
     check_outputs(args)?;
-    let mut config = settings::configure(&args.tune, &args.live)?;
+    let Settings { mut config, descriptor_given } = settings::configure(&args.tune, &args.live)?;
     let map = Arc::new(Map::open(&args.map)?);
+    if !descriptor_given && describe::by_name(&map.descriptor_info().name).is_ok() {
+        config.descriptor.clone_from(&map.descriptor_info().name);
+    }
     warn_of_other_segments(&map, &config);
     let truth = args.truth.as_deref().map(read_truth).transpose()?;
     let mut frames = Frames::open(&args.inputs, &args.read, "localizing")?;
-    if !frames.has_motion() && config.accumulate.distance_m > 0.0 {
-        tracing::warn!("the input does not tell how the sensor moved: every scan is localized by itself");
+    if let Some(silent) = frames.silent()
+        && config.accumulate.distance_m > 0.0
+    {
+        tracing::warn!(
+            "{silent}: this input does not tell how the sensor moved: every scan is localized by itself"
+        );
         config.accumulate.distance_m = 0.0;
         config.accumulate.swathes = false;
     }
@@ -100,7 +109,8 @@ impl<'a> Run<'a> {
         let mut run = Self {
             args,
             map: Arc::clone(map),
-            localizer: Localizer::new(Arc::clone(map), config)?,
+            localizer: Localizer::new(Arc::clone(map), config)
+                .with_context(|| args.map.display().to_string())?,
             truth: truth.map(|t| (t, places)),
             accumulate_m: config.accumulate.distance_m,
             lines: Lines::new(args.output.is_none() && args.plot.is_none()),

@@ -8,7 +8,7 @@ use nalgebra::Matrix6;
 use serde_json::json;
 
 use crate::args::LoopsArgs;
-use crate::inputs::{Frames, read_truth};
+use crate::inputs::{Frames, check_distinct, read_truth};
 use crate::outcome::{Failure, Outcome};
 use crate::output::summary::{StageTimes, Summary};
 use crate::output::{Format, G2o, Lines, Target, check_target, loop_header, loop_json, loop_row};
@@ -18,16 +18,20 @@ use crate::truth::{Judgement, Places, PoseError, Tally, Trajectory};
 const FORMATS: &[Format] = &[Format { extension: ".g2o" }];
 
 pub(crate) fn run(args: &LoopsArgs) -> anyhow::Result<Outcome> {
+    check_distinct(&args.inputs)?;
     if let Some(path) = &args.output {
         Format::of(path, FORMATS)?;
         check_target(path, &args.inputs)?;
     }
-    let config = settings::configure(&args.tune, &args.live)?;
+    let config = settings::configure(&args.tune, &args.live)?.config;
     let mut past = args.truth.as_deref().map(read_truth).transpose()?.map(Past::new);
     let mut frames = Frames::open(&args.inputs, &args.read, "looking for loops")?;
-    if !frames.has_motion() {
+    if let Some(silent) = frames.silent() {
         return Err(Failure::new(
-            "the input does not tell how the sensor moved, and loops are found against what was passed before",
+            format!(
+                "{silent}: this input does not tell how the sensor moved, and loops are found against what was \
+                 passed before"
+            ),
             "give the poses of the scans with --poses FILE, or name the topic with --odometry-topic",
         )
         .into());

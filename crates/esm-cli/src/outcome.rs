@@ -1,7 +1,7 @@
 //! How a run ends: exit codes, and errors as people read them.
 
-use std::fmt;
 use std::process::ExitCode;
+use std::{fmt, io};
 
 use crate::console;
 use crate::signals::{self, Interrupted};
@@ -85,11 +85,31 @@ fn message(error: &anyhow::Error) -> String {
         }
         hints.extend(hint.filter(|h| !hints.contains(h)));
     }
+    if hints.is_empty()
+        && let Some(hint) = error.chain().find_map(|cause| cause.downcast_ref()).map(system_hint)
+    {
+        hints.push(hint.to_owned());
+    }
     for hint in hints {
         line.push_str("\nhint: ");
         line.push_str(&hint);
     }
     line
+}
+
+/// What to do about the system's refusals that nobody has said anything about.
+fn system_hint(error: &io::Error) -> &'static str {
+    use io::ErrorKind::{
+        FileTooLarge, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
+    };
+    match error.kind() {
+        StorageFull | QuotaExceeded => "free space or choose another place",
+        FileTooLarge => "files may not be that large there: choose another place, or raise the limit",
+        PermissionDenied => "check the permissions of the file and of its directory",
+        ReadOnlyFilesystem => "choose a place that can be written",
+        NotFound => "check the spelling; relative paths start at the working directory",
+        _ => "check the disk or the network share the file lies on",
+    }
 }
 
 #[cfg(test)]
@@ -123,6 +143,18 @@ mod tests {
             }
         }
         let error = anyhow::Error::new(Outer(std::io::Error::other("it is gone")));
-        assert_eq!(message(&error), "error: m.esm: opening it: it is gone");
+        assert_eq!(
+            message(&error),
+            "error: m.esm: opening it: it is gone\nhint: check the disk or the network share the file lies on"
+        );
+    }
+
+    #[test]
+    fn a_full_disk_has_a_hint() {
+        let full = io::Error::from(io::ErrorKind::StorageFull);
+        let error = anyhow::Error::new(full).context("writing to stdout");
+        let message = message(&error);
+        assert!(message.starts_with("error: writing to stdout: "), "{message}");
+        assert!(message.ends_with("\nhint: free space or choose another place"), "{message}");
     }
 }

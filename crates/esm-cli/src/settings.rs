@@ -5,16 +5,28 @@ use std::path::Path;
 use esm_core::{Config, describe};
 
 use crate::args::{LiveArgs, TuneArgs};
+use crate::inputs::read_text;
 use crate::outcome::Failure;
 
 /// Most worker threads that can be asked for.
 const MAX_THREADS: usize = 1024;
+/// Most bytes of a configuration file: a complete one has a few thousand.
+const MAX_CONFIG_BYTES: u64 = 1 << 20;
+
+/// A checked configuration.
+#[derive(Debug)]
+pub(crate) struct Settings {
+    /// All of it.
+    pub(crate) config: Config,
+    /// Whether the descriptor was asked for, by the flag or the file, and is not just the default.
+    pub(crate) descriptor_given: bool,
+}
 
 /// The configuration file, if any, with the flags on top; checked. Also starts the worker threads.
-pub(crate) fn configure(tune: &TuneArgs, live: &LiveArgs) -> anyhow::Result<Config> {
-    let mut config = match &tune.config {
+pub(crate) fn configure(tune: &TuneArgs, live: &LiveArgs) -> anyhow::Result<Settings> {
+    let (mut config, in_file) = match &tune.config {
         Some(path) => read(path)?,
-        None => Config::default(),
+        None => (Config::default(), false),
     };
     if let Some(name) = &tune.descriptor {
         if !describe::NAMES.contains(&name.as_str()) {
@@ -42,7 +54,7 @@ pub(crate) fn configure(tune: &TuneArgs, live: &LiveArgs) -> anyhow::Result<Conf
         )
     })?;
     start_threads(tune.threads)?;
-    Ok(config)
+    Ok(Settings { config, descriptor_given: in_file || tune.descriptor.is_some() })
 }
 
 /// What a bad value is to be blamed on.
@@ -53,15 +65,11 @@ fn origin(tune: &TuneArgs) -> String {
     }
 }
 
-/// Reads a configuration; keys that do not exist are refused.
-fn read(path: &Path) -> anyhow::Result<Config> {
-    let text = std::fs::read_to_string(path).map_err(|e| {
-        Failure::new(
-            format!("{}: reading it: {e}", path.display()),
-            "`esm-cli config > FILE` writes a complete one",
-        )
-    })?;
-    toml::from_str(&text).map_err(|e: toml::de::Error| {
+/// Reads a configuration, and whether it names a descriptor; keys that do not exist are refused.
+fn read(path: &Path) -> anyhow::Result<(Config, bool)> {
+    let hint = "`esm-cli config > FILE` writes a complete one";
+    let text = read_text(path, MAX_CONFIG_BYTES, "this is larger than a configuration can be (1 MiB)", hint)?;
+    let refuse = |e: toml::de::Error| {
         let line = e.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
         let place = line.map(|n| format!(":{n}")).unwrap_or_default();
         let what = e.message().trim_end().replace('\n', " ");
@@ -69,8 +77,10 @@ fn read(path: &Path) -> anyhow::Result<Config> {
             format!("{}{place}: {what}", path.display()),
             "`esm-cli config` prints every key there is",
         )
-        .into()
-    })
+    };
+    let config = toml::from_str(&text).map_err(refuse)?;
+    let keys: toml::Table = toml::from_str(&text).map_err(refuse)?;
+    Ok((config, keys.contains_key("descriptor")))
 }
 
 fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
@@ -90,6 +100,10 @@ mod tests {
     use super::*;
 
     fn with(text: &str, tune: TuneArgs, live: LiveArgs) -> Result<Config, String> {
+        all(text, tune, live).map(|s| s.config)
+    }
+
+    fn all(text: &str, tune: TuneArgs, live: LiveArgs) -> Result<Settings, String> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("esm.toml");
         std::fs::write(&path, text).unwrap();
@@ -106,6 +120,16 @@ mod tests {
         assert_eq!((config.seed, config.descriptor.as_str()), (2, "eigen"));
         assert_eq!((config.accumulate.distance_m, config.accumulate.max_range_m), (9.0, 30.0));
         assert!(config.accumulate.swathes);
+    }
+
+    #[test]
+    fn a_descriptor_is_given_by_flag_or_key() {
+        let given = |text: &str, tune: TuneArgs| {
+            all(text, tune, LiveArgs::default()).map(|s| s.descriptor_given).unwrap()
+        };
+        assert!(!given("seed = 1\n", TuneArgs::default()));
+        assert!(given("descriptor = \"shape\"\n", TuneArgs::default()));
+        assert!(given("", TuneArgs { descriptor: Some("shape".into()), ..Default::default() }));
     }
 
     #[test]

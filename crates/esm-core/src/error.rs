@@ -23,14 +23,14 @@ pub enum Error {
         allowed: &'static str,
     },
     /// The map was built with another descriptor than the one asked for.
-    #[error(
-        "the map holds '{map}' descriptors, asked for '{asked}'\nhint: use --descriptor {map}, or rebuild the map"
-    )]
+    #[error("the map holds '{map}' descriptors, asked for '{asked}'\nhint: {hint}")]
     DescriptorMismatch {
         /// What the map holds (name and version).
         map: String,
         /// What was asked for (name and version).
         asked: String,
+        /// What to do.
+        hint: String,
     },
     /// A map cannot be built or used because it would hold nothing.
     #[error("the map holds no segments\nhint: {hint}")]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use esm_io::{OpenOptions, Recording, Sweep, Sweeps};
 use indicatif::ProgressBar;
 
-use super::Selection;
+use super::{Selection, paths};
 use crate::args::ReadArgs;
 use crate::{console, signals};
 
@@ -25,8 +25,8 @@ pub(crate) struct Frames {
     current: Option<Sweeps>,
     selection: Selection,
     bar: ProgressBar,
-    /// Whether every input tells its motion.
-    has_motion: bool,
+    /// The inputs that do not tell their motion.
+    silent: Vec<PathBuf>,
     number: usize,
     used: usize,
     first_stamp: Option<f64>,
@@ -54,7 +54,7 @@ impl Frames {
         }
         let count = recordings.iter().map(|r| r.sweep_count_hint().map(|n| n as u64)).sum();
         Ok(Self {
-            has_motion: recordings.iter().all(Recording::has_motion),
+            silent: recordings.iter().filter(|r| !r.has_motion()).map(|r| r.path().to_owned()).collect(),
             recordings: recordings.into_iter(),
             current: None,
             selection,
@@ -68,9 +68,9 @@ impl Frames {
         })
     }
 
-    /// Whether every input tells its motion.
-    pub(crate) fn has_motion(&self) -> bool {
-        self.has_motion
+    /// The names of the inputs that do not tell their motion; `None` where all do.
+    pub(crate) fn silent(&self) -> Option<String> {
+        (!self.silent.is_empty()).then(|| paths(&self.silent))
     }
 
     /// The next selected scan.

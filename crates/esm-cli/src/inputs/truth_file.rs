@@ -4,11 +4,13 @@ use std::path::Path;
 
 use esm_io::{InputKind, OpenOptions, PoseFile, Recording};
 
+use super::check_regular;
 use crate::outcome::Failure;
 use crate::truth::Trajectory;
 
 /// Reads true poses: a TUM file, or a recording whose motion is the truth.
 pub(crate) fn read_truth(path: &Path) -> anyhow::Result<Trajectory> {
+    check_regular(path)?;
     let is_recording = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
         && esm_io::classify(path)? == InputKind::Recording;
     let poses = if is_recording { from_recording(path)? } else { from_tum(path)? };

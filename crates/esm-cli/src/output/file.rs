@@ -93,11 +93,10 @@ impl Target {
     /// # Errors
     /// Where the system refuses; what was there before is then untouched.
     pub(crate) fn finish(mut self) -> anyhow::Result<()> {
-        let failed = |doing: &str, e: io::Error| anyhow::anyhow!("{}: {doing}: {e}", self.path.display());
         let Some(file) = self.file.take() else { return Ok(()) };
-        let file = file.into_inner().map_err(|e| failed("writing it", e.into_error()))?;
-        file.as_file().sync_all().map_err(|e| failed("syncing it to the disk", e))?;
-        file.persist(&self.target).map_err(|e| failed("renaming the finished file", e.error))?;
+        let file = file.into_inner().map_err(|e| self.failed("writing it", &e.into_error()))?;
+        file.as_file().sync_all().map_err(|e| self.failed("syncing it to the disk", &e))?;
+        file.persist(&self.target).map_err(|e| self.failed("renaming the finished file", &e.error))?;
         // Not every file system can sync a folder; the file itself is whole either way.
         if let Some(folder) = self.target.parent()
             && let Ok(folder) = File::open(folder)
@@ -106,20 +105,28 @@ impl Target {
         }
         Ok(())
     }
+
+    /// The system's error of the same kind, with the file's name instead of the temporary one.
+    fn failed(&self, doing: &str, error: &io::Error) -> io::Error {
+        let what = format!("{}: {doing}: {}", self.path.display(), plain(error));
+        io::Error::new(error.kind(), what)
+    }
 }
 
 impl Write for Target {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.file.as_mut().map_or(Ok(0), |f| f.write(bytes))
+        let written = self.file.as_mut().map_or(Ok(0), |f| f.write(bytes));
+        written.map_err(|e| self.failed("writing it", &e))
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.file.as_mut().map_or(Ok(()), Write::flush)
+        let flushed = self.file.as_mut().map_or(Ok(()), Write::flush);
+        flushed.map_err(|e| self.failed("writing it", &e))
     }
 }
 
 /// The system's words, without the temporary name that nobody typed.
-fn plain(error: &io::Error) -> String {
+pub(super) fn plain(error: &io::Error) -> String {
     let text = error.to_string();
     text.split(" at path ").next().unwrap_or(&text).to_owned()
 }

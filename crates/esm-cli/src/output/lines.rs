@@ -72,12 +72,15 @@ pub(crate) fn json_line(result: &Localization, judgement: Option<&Judgement>) ->
 
 /// The stages in the pipeline's order, and their sum.
 pub(crate) fn timings_ms(timings: &Timings) -> Map<String, Value> {
-    // Rounded to a microsecond: the clock knows no more.
-    let ms = |d: std::time::Duration| json!((d.as_secs_f64() * 1e6).round() / 1e3);
-    let stages = timings.stages();
-    let mut all: Map<String, Value> = stages.iter().map(|(name, d)| ((*name).to_owned(), ms(*d))).collect();
-    all.insert("total".to_owned(), ms(timings.total()));
-    all
+    stage_micros(timings).map(|(name, us)| (name.to_owned(), json!(us as f64 / 1e3))).collect()
+}
+
+/// The stages in the pipeline's order and `total`, in whole microseconds: the clock knows no more, and the total is
+/// the sum of what is printed.
+pub(super) fn stage_micros(timings: &Timings) -> impl Iterator<Item = (&'static str, u64)> {
+    let stages = timings.stages().map(|(name, time)| (name, (time.as_secs_f64() * 1e6).round() as u64));
+    let total = stages.iter().map(|(_, us)| us).sum();
+    stages.into_iter().chain([("total", total)])
 }
 
 /// The head of the table.
@@ -194,6 +197,24 @@ mod tests {
         assert_eq!(value["timings_ms"]["pose"], json!(1.5));
         assert_eq!(value["timings_ms"]["total"], json!(1.5));
         assert_eq!(value["timings_ms"].as_object().unwrap().len(), 8);
+    }
+
+    #[test]
+    fn the_total_is_the_sum_of_what_is_printed() {
+        // Each stage is rounded up by 0.4 microseconds.
+        let odd = Duration::from_nanos(1_000_600);
+        let timings = Timings {
+            accumulation: odd,
+            segmentation: odd,
+            preprocessing: odd,
+            descriptor: odd,
+            matching: odd,
+            pose: odd,
+            verification: odd,
+        };
+        let text = serde_json::to_string(&timings_ms(&timings)).unwrap();
+        assert_eq!(text.matches(":1.001,").count(), 7, "{text}");
+        assert!(text.ends_with("\"total\":7.007}"), "{text}");
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! Located poses as TUM or MCAP.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 use esm_core::Pose;
 
-use super::file::{Format, Target};
+use super::file::{Format, Target, plain};
 use crate::outcome::Failure;
 use crate::signals::Unfinished;
 
@@ -28,7 +28,7 @@ impl PoseWriter {
     pub(crate) fn create(path: &Path, frame_id: &str) -> anyhow::Result<Self> {
         if Format::of(path, FORMATS)?.extension == ".mcap" {
             let unfinished = Unfinished::begin();
-            let writer = esm_io::PoseWriter::create(path, TOPIC, frame_id)?;
+            let writer = esm_io::PoseWriter::create(path, TOPIC, frame_id).map_err(told)?;
             return Ok(Self::Mcap(Box::new(writer), unfinished));
         }
         let mut target = Target::create(path)?;
@@ -44,7 +44,7 @@ impl PoseWriter {
         covariance: Option<&[f64; 36]>,
     ) -> anyhow::Result<()> {
         match self {
-            Self::Mcap(writer, _) => writer.write(stamp_ns, pose, covariance)?,
+            Self::Mcap(writer, _) => writer.write(stamp_ns, pose, covariance).map_err(told)?,
             Self::Tum(target) => {
                 let (t, q) = (pose.translation.vector, pose.rotation.coords);
                 let sign = if stamp_ns < 0 { "-" } else { "" };
@@ -65,10 +65,21 @@ impl PoseWriter {
         match self {
             Self::Tum(target) => target.finish(),
             Self::Mcap(writer, unfinished) => {
-                writer.finish()?;
+                writer.finish().map_err(told)?;
                 drop(unfinished);
                 Ok(())
             }
         }
+    }
+}
+
+/// The writer's error, without the temporary name that the system's words may hold.
+fn told(error: esm_io::Error) -> anyhow::Error {
+    match error {
+        esm_io::Error::Io { path, doing, source } => {
+            let what = format!("{}: {doing}: {}", path.display(), plain(&source));
+            io::Error::new(source.kind(), what).into()
+        }
+        other => other.into(),
     }
 }

@@ -5,6 +5,7 @@ use std::time::Instant;
 use esm_core::Timings;
 use serde_json::{Map, Value, json};
 
+use super::lines::stage_micros;
 use crate::memory;
 use crate::truth::{Quantiles, Tally};
 
@@ -23,9 +24,8 @@ impl StageTimes {
     }
 
     pub(crate) fn add(&mut self, timings: &Timings) {
-        let times = timings.stages().into_iter().map(|s| s.1).chain([timings.total()]);
-        for ((_, quantiles), time) in self.stages.iter_mut().zip(times) {
-            quantiles.add(time.as_secs_f64() * 1e3);
+        for ((_, quantiles), (_, us)) in self.stages.iter_mut().zip(stage_micros(timings)) {
+            quantiles.add(us as f64 / 1e3);
         }
     }
 
@@ -112,7 +112,10 @@ impl Summary<'_> {
                 ));
             }
             if t.outside_truth > 0 {
-                text.push_str(&format!("({} clouds outside the truth are not counted)\n", t.outside_truth));
+                text.push_str(&format!(
+                    "({} clouds outside the truth, or in a gap of it, are not counted)\n",
+                    t.outside_truth
+                ));
             }
             if let (Some(m), Some(deg)) = (t.errors_m.at(0.5), t.errors_deg.at(0.5)) {
                 text.push_str(&format!("median error {m:.3} m, {deg:.3}°\n"));

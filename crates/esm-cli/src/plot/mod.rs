@@ -32,11 +32,17 @@ pub(crate) struct Caption {
     pub(crate) figures: String,
 }
 
+fn render(path: &Path, svg: &str) -> Result<Vec<u8>, Failure> {
+    png::render(svg).map_err(|e| {
+        Failure::new(format!("{}: {e:#}", path.display()), "a .svg needs no rendering: plot that")
+    })
+}
+
 /// Draws and writes the picture.
 pub(crate) fn write(path: &Path, map: &Map, drive: &Drive, caption: &Caption) -> anyhow::Result<()> {
     let format = Format::of(path, FORMATS)?;
     let svg = draw::svg(map, &drive.places(), drive.unplaced(), caption)?;
-    let bytes = if format.extension == ".png" { png::render(&svg)? } else { svg.into_bytes() };
+    let bytes = if format.extension == ".png" { render(path, &svg)? } else { svg.into_bytes() };
     let mut target = Target::create(path)?;
     target.write_all(&bytes)?;
     target.finish()

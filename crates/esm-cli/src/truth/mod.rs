@@ -1,6 +1,7 @@
 //! How results are judged against the truth. The protocol, all of it:
 //!
-//! - the truth is interpolated at a cloud's stamp; a cloud outside it is not counted;
+//! - the truth is interpolated at a cloud's stamp; a cloud outside it, or in a gap of it, is not counted: a gap is more
+//!   than 2 s, and more than 3 times the median spacing of the truth;
 //! - correct: located within 2 m and 5 degrees of the truth; false: located and not correct;
 //! - localizable: the true position is within 10 m of the mapped path, or, in a map of a prior cloud, in a 5 m cell
 //!   that holds points;

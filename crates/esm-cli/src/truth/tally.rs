@@ -40,7 +40,7 @@ impl Judgement {
 pub struct Tally {
     /// Clouds that were localized or not; with a truth only those inside it.
     pub clouds: usize,
-    /// Clouds outside the truth, which nothing else counts.
+    /// Clouds outside the truth or in a gap of it, which nothing else counts.
     pub outside_truth: usize,
     /// Verdict `located`.
     pub located: usize,

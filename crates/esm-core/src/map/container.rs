@@ -161,9 +161,18 @@ impl Map {
         }
         let text =
             |name: &str, version: u32, dim: usize| format!("{name} (version {version}, {dim} numbers)");
+        // Another name helps only where this very descriptor can still be made.
+        let makes = |o: &dyn Descriptor| o.version() == d.version && o.dim() == d.dim as usize;
+        let hint = match crate::describe::by_name(&d.name) {
+            Ok(own) if d.name != descriptor.name() && makes(&*own) => {
+                format!("use --descriptor {}, or rebuild the map", d.name)
+            }
+            _ => "rebuild the map".to_owned(),
+        };
         Err(Error::DescriptorMismatch {
             map: text(&d.name, d.version, d.dim as usize),
             asked: text(descriptor.name(), descriptor.version(), descriptor.dim()),
+            hint,
         })
     }
 

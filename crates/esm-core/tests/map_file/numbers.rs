@@ -4,7 +4,7 @@ use esm_core::Error;
 use esm_core::map::{DescriptorInfo, Map, MapData, QUANTUM_M, Standardizer};
 use esm_core::segment::Segment;
 
-use crate::small_data;
+use crate::{large_data, small_data};
 
 #[test]
 fn data_that_does_not_fit_together_is_refused() {
@@ -111,7 +111,14 @@ fn another_descriptor_is_refused() {
             error.contains("the map holds 'shape (version 2, 3 numbers)' descriptors, asked for '"),
             "{error}"
         );
+        // This library makes no `shape` of version 2 either.
+        assert!(error.ends_with("\nhint: rebuild the map"), "{error}");
     }
+    let shape = esm_core::describe::by_name("shape").unwrap();
+    let map = Map::from_data(large_data(4, 8, shape.dim())).unwrap();
+    assert_eq!(map.descriptor_info().version, shape.version());
+    let error = map.check_descriptor(&Other("eigen", 1, 7)).unwrap_err().to_string();
+    assert!(error.ends_with("\nhint: use --descriptor shape, or rebuild the map"), "{error}");
 }
 
 #[test]
