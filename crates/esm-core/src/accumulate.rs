@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use crate::cloud::{PointCloud, Pose, transform_point};
-use crate::error::Error;
+use crate::error::{Error, require};
 use crate::segment::voxel_filter;
 
 /// How sweeps become live clouds.
@@ -51,47 +51,48 @@ impl AccumulateConfig {
     /// # Errors
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
-        let fields: [(&'static str, f64, bool, &'static str); 6] = [
-            (
-                "accumulate.distance_m",
-                self.distance_m,
-                (0.0..=1000.0).contains(&self.distance_m),
-                "0 to 1000 m",
-            ),
-            ("accumulate.max_range_m", self.max_range_m, self.max_range_m > 0.0, "more than 0 m"),
-            (
-                "accumulate.min_range_m",
-                self.min_range_m,
-                self.min_range_m >= 0.0 && self.min_range_m < self.max_range_m,
-                "0 m up to accumulate.max_range_m",
-            ),
-            (
-                "accumulate.sweep_voxel_m",
-                self.sweep_voxel_m,
-                (0.0..=5.0).contains(&self.sweep_voxel_m),
-                "0 to 5 m",
-            ),
-            ("accumulate.min_step_m", self.min_step_m, (0.0..=10.0).contains(&self.min_step_m), "0 to 10 m"),
-            (
-                "accumulate.max_step_m",
-                self.max_step_m,
-                self.max_step_m > self.min_step_m,
-                "more than min_step_m",
-            ),
-        ];
-        if self.swathes && self.distance_m == 0.0 {
-            return Err(Error::Config {
-                field: "accumulate.swathes",
-                value: "true".to_owned(),
-                allowed: "only with a distance_m above 0",
-            });
-        }
-        match fields.iter().find(|f| !f.2) {
-            Some(&(field, value, _, allowed)) => {
-                Err(Error::Config { field, value: value.to_string(), allowed })
-            }
-            None => Ok(()),
-        }
+        require(
+            !self.swathes || self.distance_m > 0.0,
+            "accumulate.swathes",
+            self.swathes,
+            "only with a distance_m above 0",
+        )?;
+        require(
+            (0.0..=1000.0).contains(&self.distance_m),
+            "accumulate.distance_m",
+            self.distance_m,
+            "0 to 1000 m",
+        )?;
+        require(
+            self.max_range_m > 0.0 && self.max_range_m <= 1000.0,
+            "accumulate.max_range_m",
+            self.max_range_m,
+            "more than 0, up to 1000 m",
+        )?;
+        require(
+            self.min_range_m >= 0.0 && self.min_range_m < self.max_range_m,
+            "accumulate.min_range_m",
+            self.min_range_m,
+            "0 m up to accumulate.max_range_m",
+        )?;
+        require(
+            (0.0..=5.0).contains(&self.sweep_voxel_m),
+            "accumulate.sweep_voxel_m",
+            self.sweep_voxel_m,
+            "0 to 5 m",
+        )?;
+        require(
+            (0.0..=10.0).contains(&self.min_step_m),
+            "accumulate.min_step_m",
+            self.min_step_m,
+            "0 to 10 m",
+        )?;
+        require(
+            self.max_step_m > self.min_step_m,
+            "accumulate.max_step_m",
+            self.max_step_m,
+            "more than min_step_m",
+        )
     }
 }
 

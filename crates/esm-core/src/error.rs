@@ -67,3 +67,13 @@ pub enum Error {
         source: std::io::Error,
     },
 }
+
+/// The error of a configuration field, unless its condition holds. Conditions are written so that NaN fails them.
+pub(crate) fn require(
+    holds: bool,
+    field: &'static str,
+    value: impl ToString,
+    allowed: &'static str,
+) -> Result<(), Error> {
+    if holds { Ok(()) } else { Err(Error::Config { field, value: value.to_string(), allowed }) }
+}

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::describe::Descriptions;
-use crate::error::Error;
+use crate::error::{Error, require};
 use crate::estimate::{Candidate, Pair, sort_by_quality};
 use crate::index::{Index, Search};
 use crate::map::Map;
@@ -35,17 +35,9 @@ impl MatchConfig {
     /// # Errors
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
-        let fields: [(&'static str, f64, bool, &'static str); 3] = [
-            ("match.k", self.k as f64, (1..=10_000).contains(&self.k), "1 to 10000"),
-            ("match.min_quality", self.min_quality, (0.0..=1.0).contains(&self.min_quality), "0 to 1"),
-            ("match.max_distance", self.max_distance, self.max_distance >= 0.0, "0 or more"),
-        ];
-        match fields.into_iter().find(|f| !f.2) {
-            Some((field, value, _, allowed)) => {
-                Err(Error::Config { field, value: value.to_string(), allowed })
-            }
-            None => Ok(()),
-        }
+        require((1..=10_000).contains(&self.k), "match.k", self.k, "1 to 10000")?;
+        require((0.0..=1.0).contains(&self.min_quality), "match.min_quality", self.min_quality, "0 to 1")?;
+        require(self.max_distance >= 0.0, "match.max_distance", self.max_distance, "0 or more")
     }
 }
 

@@ -10,7 +10,7 @@ use super::consistency::{Agreement, ConsistencyGraph};
 use super::rigid::{Estimator, FourDof, Pair, SixDof, vector};
 use super::sampler::{Prosac, Ransac, Sampler};
 use crate::cloud::{Pose, transform_point};
-use crate::error::Error;
+use crate::error::{Error, require};
 
 /// How the best group of consistent matches is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -79,30 +79,19 @@ impl PoseConfig {
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
         let positive = |v: f64| v > 0.0 && v.is_finite();
-        let fields: [(&'static str, String, bool, &'static str); 8] = [
-            (
-                "pose.resolution_m",
-                self.resolution_m.to_string(),
-                positive(self.resolution_m),
-                "more than 0 m",
-            ),
-            ("pose.inlier_m", self.inlier_m.to_string(), positive(self.inlier_m), "more than 0 m"),
-            (
-                "pose.max_tilt_deg",
-                self.max_tilt_deg.to_string(),
-                (0.0..=45.0).contains(&self.max_tilt_deg),
-                "0 to 45 deg",
-            ),
-            ("pose.min_inliers", self.min_inliers.to_string(), self.min_inliers >= 3, "3 or more"),
-            ("pose.hypotheses", self.hypotheses.to_string(), (1..=64).contains(&self.hypotheses), "1 to 64"),
-            ("pose.distinct_m", self.distinct_m.to_string(), positive(self.distinct_m), "more than 0 m"),
-            ("pose.beta", self.beta.to_string(), self.beta > 0.0 && self.beta < 1.0, "between 0 and 1"),
-            ("pose.max_draws", self.max_draws.to_string(), self.max_draws >= 1, "1 or more"),
-        ];
-        match fields.into_iter().find(|f| !f.2) {
-            Some((field, value, _, allowed)) => Err(Error::Config { field, value, allowed }),
-            None => Ok(()),
-        }
+        require(positive(self.resolution_m), "pose.resolution_m", self.resolution_m, "more than 0 m")?;
+        require(positive(self.inlier_m), "pose.inlier_m", self.inlier_m, "more than 0 m")?;
+        require(
+            (0.0..=45.0).contains(&self.max_tilt_deg),
+            "pose.max_tilt_deg",
+            self.max_tilt_deg,
+            "0 to 45 deg",
+        )?;
+        require(self.min_inliers >= 3, "pose.min_inliers", self.min_inliers, "3 or more")?;
+        require((1..=64).contains(&self.hypotheses), "pose.hypotheses", self.hypotheses, "1 to 64")?;
+        require(positive(self.distinct_m), "pose.distinct_m", self.distinct_m, "more than 0 m")?;
+        require(self.beta > 0.0 && self.beta < 1.0, "pose.beta", self.beta, "between 0 and 1")?;
+        require(self.max_draws >= 1, "pose.max_draws", self.max_draws, "1 or more")
     }
 
     fn agreement(&self) -> Agreement {

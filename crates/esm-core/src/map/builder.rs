@@ -13,7 +13,7 @@ use crate::accumulate::LiveCloud;
 use crate::cloud::{PointCloud, Pose, transform_point};
 use crate::config::Config;
 use crate::describe::{self, Descriptor};
-use crate::error::Error;
+use crate::error::{Error, require};
 use crate::segment::{Segment, Segmentation, segment};
 
 /// Configuration of the map builder.
@@ -51,34 +51,26 @@ impl BuildConfig {
     /// # Errors
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
-        let fields: [(&'static str, f64, bool, &'static str); 5] = [
-            ("map.window_step_m", self.window_step_m, self.window_step_m >= 0.0, "0 m or more"),
-            ("map.merge_overlap", self.merge_overlap, self.merge_overlap > 0.0, "more than 0"),
-            (
-                "map.ground_voxel_m",
-                self.ground_voxel_m,
-                (0.05..=10.0).contains(&self.ground_voxel_m),
-                "0.05 to 10 m",
-            ),
-            (
-                "map.structure_voxel_m",
-                self.structure_voxel_m,
-                (0.05..=10.0).contains(&self.structure_voxel_m),
-                "0.05 to 10 m",
-            ),
-            (
-                "map.disc_radius_m",
-                self.disc_radius_m,
-                (5.0..=1000.0).contains(&self.disc_radius_m),
-                "5 to 1000 m",
-            ),
-        ];
-        match fields.into_iter().find(|f| !f.2) {
-            Some((field, value, _, allowed)) => {
-                Err(Error::Config { field, value: value.to_string(), allowed })
-            }
-            None => Ok(()),
-        }
+        require(self.window_step_m >= 0.0, "map.window_step_m", self.window_step_m, "0 m or more")?;
+        require(self.merge_overlap > 0.0, "map.merge_overlap", self.merge_overlap, "more than 0")?;
+        require(
+            (0.05..=10.0).contains(&self.ground_voxel_m),
+            "map.ground_voxel_m",
+            self.ground_voxel_m,
+            "0.05 to 10 m",
+        )?;
+        require(
+            (0.05..=10.0).contains(&self.structure_voxel_m),
+            "map.structure_voxel_m",
+            self.structure_voxel_m,
+            "0.05 to 10 m",
+        )?;
+        require(
+            (5.0..=1000.0).contains(&self.disc_radius_m),
+            "map.disc_radius_m",
+            self.disc_radius_m,
+            "5 to 1000 m",
+        )
     }
 }
 

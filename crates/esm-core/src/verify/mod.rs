@@ -11,7 +11,7 @@ pub use surface::{Gaussian, Surface, Tile};
 pub use surroundings::Surroundings;
 
 use crate::cloud::{Pose, transform_point};
-use crate::error::Error;
+use crate::error::{Error, require};
 use crate::segment::Segmentation;
 
 /// Configuration of refinement and verdict.
@@ -55,24 +55,16 @@ impl VerifyConfig {
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
         let share = |v: f64| (0.0..=1.0).contains(&v);
-        let fields: [(&'static str, f64, bool, &'static str); 5] = [
-            (
-                "verify.structure_points",
-                self.structure_points as f64,
-                self.structure_points >= 100,
-                "100 or more",
-            ),
-            ("verify.min_overlap", self.min_overlap, share(self.min_overlap), "0 to 1"),
-            ("verify.min_seen", self.min_seen, share(self.min_seen), "0 to 1"),
-            ("verify.min_score", self.min_score, self.min_score >= 0.0, "0 or more"),
-            ("verify.max_runner_up", self.max_runner_up, share(self.max_runner_up), "0 to 1"),
-        ];
-        match fields.into_iter().find(|f| !f.2) {
-            Some((field, value, _, allowed)) => {
-                Err(Error::Config { field, value: value.to_string(), allowed })
-            }
-            None => Ok(()),
-        }
+        require(
+            self.structure_points >= 100,
+            "verify.structure_points",
+            self.structure_points,
+            "100 or more",
+        )?;
+        require(share(self.min_overlap), "verify.min_overlap", self.min_overlap, "0 to 1")?;
+        require(share(self.min_seen), "verify.min_seen", self.min_seen, "0 to 1")?;
+        require(self.min_score >= 0.0, "verify.min_score", self.min_score, "0 or more")?;
+        require(share(self.max_runner_up), "verify.max_runner_up", self.max_runner_up, "0 to 1")
     }
 }
 
