@@ -83,4 +83,14 @@ fn asking_for_help_is_no_error_and_asking_for_nothing_is() {
     assert!(esm!["--version"].ended(0).stdout.starts_with("esm-cli 0."));
     assert!(run([""; 0]).ended(2).stderr.contains("Usage: esm-cli"));
     assert!(esm!["locate"].ended(2).stderr.contains("localize"), "a slip is corrected");
+    for (arguments, command) in [
+        (&["locate"][..], "esm-cli"),
+        (&["-v", "localize", "--magic"], "esm-cli localize"),
+        (&["map", "build", "x"], "esm-cli map build"),
+        (&["map", "look", "build"], "esm-cli map"),
+    ] {
+        let ran = run(arguments).ended(2);
+        let hint = format!("\nhint: {command} --help lists all there is\n");
+        assert!(ran.stderr.starts_with("error: ") && ran.stderr.ends_with(&hint), "{}", ran.stderr);
+    }
 }
