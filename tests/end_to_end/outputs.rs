@@ -111,6 +111,24 @@ fn outputs_that_cannot_be_written_are_refused_before_the_work() {
     assert_eq!(names(dir.path()), ["file"]);
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn places_without_files_are_told_apart_from_missing_ones() {
+    let town = &*TOWN;
+    let (map, live) = (town.path("map.esm"), town.path("live.mcap"));
+    esm!["localize", "--map", map, live, "-o", "/proc/x.tum"]
+        .failed(&["error: /proc/x.tum: it cannot be written", "hint: no files can be created in /proc"]);
+    let dir = folder();
+    let gone = "rmdir \"$3\" && exec \"$0\" localize --map \"$1\" \"$2\" -o x.tum";
+    let mut shell = Command::new("sh");
+    let inside = dir.path().join("inside");
+    fs::create_dir(&inside).unwrap();
+    shell.args(["-c", gone]).arg(program().get_program()).args([&map, &live, &inside]);
+    let output = shell.current_dir(&inside).output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("hint: the working directory is gone"), "{stderr}");
+}
+
 /// Files may not be larger than a block here, which is what a full disk is like.
 #[cfg(unix)]
 #[test]
