@@ -233,6 +233,30 @@ fn the_table_is_for_people() {
     assert_eq!(ran.stderr, "", "nothing to warn of, and no bars where nobody sees them");
 }
 
+#[test]
+fn twice_verbose_tells_the_stages_of_every_cloud() {
+    let town = &*TOWN;
+    let run = |flag: &str| {
+        let (map, live) = (town.path("map.esm"), town.path("live.mcap"));
+        esm!["localize", flag, "--map", map, live, "--frames", "1-3"].stderr
+    };
+    assert!(!run("-v").contains("debug: "));
+    let stderr = run("-vv");
+    let lines: Vec<&str> = stderr.lines().filter(|l| l.starts_with("debug: 500")).collect();
+    assert_eq!(lines.len(), 3, "{stderr}");
+    assert!(lines.iter().all(|l| l.contains(": accumulation ") && l.contains(", total ")), "{stderr}");
+}
+
+#[test]
+fn an_error_before_the_first_row_stands_alone() {
+    let dir = folder();
+    let path = dir.path().join("stump.mcap");
+    fs::write(&path, &fs::read(TOWN.path("live.mcap")).unwrap()[..2000]).unwrap();
+    let ran = esm!["localize", "--map", TOWN.path("map.esm"), path];
+    assert_eq!(ran.stdout, "");
+    ran.failed(&["stump.mcap"]);
+}
+
 /// The live drive under many names: no input may be given twice.
 static MANY: LazyLock<Vec<PathBuf>> = LazyLock::new(|| {
     let dir = lasting_folder("many");

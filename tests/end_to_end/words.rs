@@ -57,7 +57,10 @@ fn completions_are_made_for_every_shell() {
 #[test]
 fn manual_pages_are_written() {
     let page = esm!["man"].ended(0).stdout;
-    assert!(page.contains(".TH esm-cli 1") && page.contains("Exit codes"), "{page}");
+    assert!(
+        page.contains(".TH esm-cli 1") && page.contains("Exit codes") && page.contains("SIGTERM"),
+        "{page}"
+    );
     let dir = folder();
     esm!["man", "-o", dir.path()].ended(0);
     assert_eq!(
@@ -75,7 +78,9 @@ fn manual_pages_are_written() {
         ]
     );
     let localize = std::fs::read_to_string(dir.path().join("esm-cli-localize.1")).unwrap();
-    assert!(localize.contains(".TH esm-cli-localize 1"), "{localize}");
+    let title = localize.lines().find(|l| l.starts_with(".TH ")).unwrap();
+    assert!(title.starts_with(".TH esm-cli-localize 1 ") && title.ends_with("\"esm-cli manual\""), "{title}");
+    assert!(title.contains(concat!("\"esm-cli ", env!("CARGO_PKG_VERSION"), "\"")), "{title}");
 }
 
 #[test]
