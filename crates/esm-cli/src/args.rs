@@ -107,6 +107,9 @@ pub struct InfoArgs {
     /// Verify every byte, the points included
     #[arg(long)]
     pub check: bool,
+    /// Also print the configuration the map was built with, as TOML; --json always tells it
+    #[arg(long)]
+    pub settings: bool,
     /// One JSON object instead of a table
     #[arg(long)]
     pub json: bool,
