@@ -10,13 +10,24 @@ use crate::common::{TOWN, esm, folder, names};
 fn a_map_tells_what_it_holds() {
     let town = &*TOWN;
     let text = esm!["map", "info", town.path("map.esm"), "--check"].ended(0).stdout;
-    for words in ["map.mcap", "shape (version 1, 13 numbers)", "path of 3", "checked            every byte"] {
+    for words in [
+        " of ground, ",
+        " of structure",
+        "map.mcap",
+        "shape (version 1, 13 numbers)",
+        "path of 3",
+        "checked            every byte",
+    ] {
         assert!(text.contains(words), "'{words}' is missing in\n{text}");
     }
     let info: Value =
         serde_json::from_str(&esm!["map", "info", "--json", town.path("map.esm")].ended(0).stdout).unwrap();
     assert_eq!(info["descriptor"]["name"], "shape");
     assert_eq!(info["bytes"].as_u64().unwrap(), fs::metadata(town.path("map.esm")).unwrap().len());
+    assert!(info["structure_tiles"].as_u64().unwrap() > 0, "{info}");
+    assert!(!text.contains("[segment]"));
+    let text = esm!["map", "info", "--settings", town.path("map.esm")].ended(0).stdout;
+    assert!(text.contains(&format!("\n\n{}\n", info["settings"].as_str().unwrap().trim_end())), "{text}");
     assert!(info["segments"].as_u64().unwrap() > 50, "{info}");
     let length = info["path"]["length_m"].as_f64().unwrap();
     assert!((330.0..350.0).contains(&length), "{length}");

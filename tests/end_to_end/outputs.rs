@@ -111,6 +111,24 @@ fn outputs_that_cannot_be_written_are_refused_before_the_work() {
     assert_eq!(names(dir.path()), ["file"]);
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn places_without_files_are_told_apart_from_missing_ones() {
+    let town = &*TOWN;
+    let (map, live) = (town.path("map.esm"), town.path("live.mcap"));
+    esm!["localize", "--map", map, live, "-o", "/proc/x.tum"]
+        .failed(&["error: /proc/x.tum: it cannot be written", "hint: no files can be created in /proc"]);
+    let dir = folder();
+    let gone = "rmdir \"$3\" && exec \"$0\" localize --map \"$1\" \"$2\" -o x.tum";
+    let mut shell = Command::new("sh");
+    let inside = dir.path().join("inside");
+    fs::create_dir(&inside).unwrap();
+    shell.args(["-c", gone]).arg(program().get_program()).args([&map, &live, &inside]);
+    let output = shell.current_dir(&inside).output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("hint: the working directory is gone"), "{stderr}");
+}
+
 /// Files may not be larger than a block here, which is what a full disk is like.
 #[cfg(unix)]
 #[test]
@@ -213,6 +231,30 @@ fn the_table_is_for_people() {
         assert!(ran.stdout.contains(words), "'{words}' is missing in\n{}", ran.stdout);
     }
     assert_eq!(ran.stderr, "", "nothing to warn of, and no bars where nobody sees them");
+}
+
+#[test]
+fn twice_verbose_tells_the_stages_of_every_cloud() {
+    let town = &*TOWN;
+    let run = |flag: &str| {
+        let (map, live) = (town.path("map.esm"), town.path("live.mcap"));
+        esm!["localize", flag, "--map", map, live, "--frames", "1-3"].stderr
+    };
+    assert!(!run("-v").contains("debug: "));
+    let stderr = run("-vv");
+    let lines: Vec<&str> = stderr.lines().filter(|l| l.starts_with("debug: 500")).collect();
+    assert_eq!(lines.len(), 3, "{stderr}");
+    assert!(lines.iter().all(|l| l.contains(": accumulation ") && l.contains(", total ")), "{stderr}");
+}
+
+#[test]
+fn an_error_before_the_first_row_stands_alone() {
+    let dir = folder();
+    let path = dir.path().join("stump.mcap");
+    fs::write(&path, &fs::read(TOWN.path("live.mcap")).unwrap()[..2000]).unwrap();
+    let ran = esm!["localize", "--map", TOWN.path("map.esm"), path];
+    assert_eq!(ran.stdout, "");
+    ran.failed(&["stump.mcap"]);
 }
 
 /// The live drive under many names: no input may be given twice.

@@ -233,9 +233,12 @@ fn loops_close_where_the_drive_comes_back() {
 fn several_inputs_are_read_one_after_the_other() {
     let town = &*TOWN;
     let (map, live) = (town.path("map.esm"), town.path("live.mcap"));
+    let dir = folder();
+    let again = dir.path().join("again.mcap");
+    std::fs::copy(&live, &again).unwrap();
     let n = town.live_drive.len();
     let lines =
-        esm!["localize", "--json", "--map", map, live, live, "--frames", format!("{n}-{}", n + 1)].json();
+        esm!["localize", "--json", "--map", map, live, again, "--frames", format!("{n}-{}", n + 1)].json();
     let stamps: Vec<f64> = lines.iter().filter_map(|l| l["stamp"].as_f64()).collect();
     assert_eq!(stamps, [town.live_drive[n - 1].stamp, town.live_drive[0].stamp]);
     assert_eq!(lines[1]["travel_m"], 0.0, "nothing is accumulated from one input into the next");

@@ -57,7 +57,10 @@ fn completions_are_made_for_every_shell() {
 #[test]
 fn manual_pages_are_written() {
     let page = esm!["man"].ended(0).stdout;
-    assert!(page.contains(".TH esm-cli 1") && page.contains("Exit codes"), "{page}");
+    assert!(
+        page.contains(".TH esm-cli 1") && page.contains("Exit codes") && page.contains("SIGTERM"),
+        "{page}"
+    );
     let dir = folder();
     esm!["man", "-o", dir.path()].ended(0);
     assert_eq!(
@@ -75,7 +78,9 @@ fn manual_pages_are_written() {
         ]
     );
     let localize = std::fs::read_to_string(dir.path().join("esm-cli-localize.1")).unwrap();
-    assert!(localize.contains(".TH esm-cli-localize 1"), "{localize}");
+    let title = localize.lines().find(|l| l.starts_with(".TH ")).unwrap();
+    assert!(title.starts_with(".TH esm-cli-localize 1 ") && title.ends_with("\"esm-cli manual\""), "{title}");
+    assert!(title.contains(concat!("\"esm-cli ", env!("CARGO_PKG_VERSION"), "\"")), "{title}");
 }
 
 #[test]
@@ -83,4 +88,14 @@ fn asking_for_help_is_no_error_and_asking_for_nothing_is() {
     assert!(esm!["--version"].ended(0).stdout.starts_with("esm-cli 0."));
     assert!(run([""; 0]).ended(2).stderr.contains("Usage: esm-cli"));
     assert!(esm!["locate"].ended(2).stderr.contains("localize"), "a slip is corrected");
+    for (arguments, command) in [
+        (&["locate"][..], "esm-cli"),
+        (&["-v", "localize", "--magic"], "esm-cli localize"),
+        (&["map", "build", "x"], "esm-cli map build"),
+        (&["map", "look", "build"], "esm-cli map"),
+    ] {
+        let ran = run(arguments).ended(2);
+        let hint = format!("\nhint: {command} --help lists all there is\n");
+        assert!(ran.stderr.starts_with("error: ") && ran.stderr.ends_with(&hint), "{}", ran.stderr);
+    }
 }

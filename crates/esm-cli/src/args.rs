@@ -18,7 +18,7 @@ use crate::inputs::FrameRange;
 )]
 #[command(after_help = EXIT_CODES)]
 pub struct Cli {
-    /// More to read on stderr; twice for every detail
+    /// More to read on stderr; twice for the time of every stage of every cloud
     #[arg(short, long, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet")]
     verbose: u8,
     /// Only errors on stderr, and no progress bars
@@ -30,7 +30,8 @@ pub struct Cli {
 }
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done; 1 ran, but localized nothing; 2 error; 130 interrupted.
+Exit codes: 0 done; 1 ran, but localized nothing; 2 error; 130 stopped by SIGINT (Ctrl-C), SIGTERM
+or SIGHUP.
 Data goes to stdout, logs and progress bars to stderr.";
 
 impl Cli {
@@ -106,6 +107,9 @@ pub struct InfoArgs {
     /// Verify every byte, the points included
     #[arg(long)]
     pub check: bool,
+    /// Also print the configuration the map was built with, as TOML; --json always tells it
+    #[arg(long)]
+    pub settings: bool,
     /// One JSON object instead of a table
     #[arg(long)]
     pub json: bool,

@@ -43,6 +43,8 @@ pub(crate) fn man(dir: Option<&Path>) -> anyhow::Result<Outcome> {
 fn page(command: clap::Command) -> anyhow::Result<Vec<u8>> {
     let mut text = Vec::new();
     let name = command.get_display_name().unwrap_or_else(|| command.get_name()).to_owned();
-    clap_mangen::Man::new(command).title(name).render(&mut text)?;
+    // Only the main command has a version of its own.
+    let source = concat!("esm-cli ", env!("CARGO_PKG_VERSION"));
+    clap_mangen::Man::new(command).title(name).source(source).manual("esm-cli manual").render(&mut text)?;
     Ok(text)
 }

@@ -22,7 +22,11 @@ pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
         true => format!("{}\n", summary(&map, args.check)),
         false => {
             let checked = if args.check { "\nchecked            every byte" } else { "" };
-            format!("{}{checked}\n", table(&args.map, &map))
+            let settings = match args.settings {
+                true => format!("\n\n{}", map.settings().trim_end()),
+                false => String::new(),
+            };
+            format!("{}{checked}{settings}\n", table(&args.map, &map))
         }
     };
     data(text.as_bytes())?;
@@ -40,6 +44,7 @@ fn summary(map: &Map, checked: bool) -> Value {
         "segments": map.len(),
         "points": map.point_count(),
         "ground_tiles": map.ground_tiles().len(),
+        "structure_tiles": map.structure_tiles().len(),
         "path": {"positions": map.path().len(), "length_m": path_length(map)},
         "coverage_cells": map.coverage().len(),
         "origin": map.origin(),
@@ -75,6 +80,10 @@ pub(crate) fn table(path: &Path, map: &Map) -> String {
             ),
         ),
         ("segments", map.len().to_string()),
+        (
+            "tiles",
+            format!("{} of ground, {} of structure", map.ground_tiles().len(), map.structure_tiles().len()),
+        ),
         ("points", map.point_count().to_string()),
         (
             "descriptor",

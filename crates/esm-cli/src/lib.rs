@@ -30,9 +30,10 @@ use outcome::Outcome;
 
 /// Runs the program on its arguments, the program's name first, and gives its exit code.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let cli = match Cli::try_parse_from(arguments) {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let cli = match Cli::try_parse_from(&arguments) {
         Ok(cli) => cli,
-        Err(refusal) => return outcome::usage(&refusal),
+        Err(refusal) => return outcome::usage(&refusal, &arguments),
     };
     console::init(cli.verbosity());
     signals::install();

@@ -11,7 +11,7 @@ use crate::args::LocalizeArgs;
 use crate::inputs::{Frames, check_distinct, read_truth};
 use crate::outcome::Outcome;
 use crate::output::summary::{StageTimes, Summary};
-use crate::output::{Lines, PoseWriter, check_target, json_line, table_header, table_line};
+use crate::output::{Lines, PoseWriter, check_target, json_line, stages_text, table_header, table_line};
 use crate::plot::{self, Caption, Drive};
 use crate::settings::{self, Settings};
 use crate::truth::{Judgement, Places, Tally, Trajectory};
@@ -89,6 +89,8 @@ struct Run<'a> {
     truth: Option<(Trajectory, Places)>,
     accumulate_m: f64,
     lines: Lines,
+    /// To be printed before the first row: an error that comes first stands alone.
+    header: Option<String>,
     poses: Option<PoseWriter>,
     drive: Option<Drive>,
     tally: Tally,
@@ -106,23 +108,21 @@ impl<'a> Run<'a> {
             [] => Places::in_cells(COVERAGE_CELL_M, map.coverage()),
             path => Places::along(path),
         };
-        let mut run = Self {
+        let truth = truth.map(|t| (t, places));
+        Ok(Self {
             args,
             map: Arc::clone(map),
             localizer: Localizer::new(Arc::clone(map), config)
                 .with_context(|| args.map.display().to_string())?,
-            truth: truth.map(|t| (t, places)),
+            header: (!args.json).then(|| table_header(truth.is_some())),
+            truth,
             accumulate_m: config.accumulate.distance_m,
             lines: Lines::new(args.output.is_none() && args.plot.is_none()),
             poses: args.output.as_deref().map(|p| PoseWriter::create(p, map.frame_id())).transpose()?,
             drive: args.plot.is_some().then(Drive::default),
             tally: Tally::default(),
             times: StageTimes::start(),
-        };
-        if !args.json {
-            run.lines.line(&table_header(run.truth.is_some()))?;
-        }
-        Ok(run)
+        })
     }
 
     fn take(
@@ -143,6 +143,10 @@ impl<'a> Run<'a> {
             (&mut self.poses, result.verdict, &result.pose_map_sensor)
         {
             writer.write(stamp_ns, pose, result.covariance.as_ref())?;
+        }
+        tracing::debug!("{:.6}: {}", result.stamp, stages_text(&result.timings));
+        if let Some(header) = self.header.take() {
+            self.lines.line(&header)?;
         }
         let line = match self.args.json {
             true => json_line(result, judgement)?,

@@ -11,7 +11,9 @@ use crate::args::LoopsArgs;
 use crate::inputs::{Frames, check_distinct, read_truth};
 use crate::outcome::{Failure, Outcome};
 use crate::output::summary::{StageTimes, Summary};
-use crate::output::{Format, G2o, Lines, Target, check_target, loop_header, loop_json, loop_row};
+use crate::output::{
+    Format, G2o, Lines, Target, check_target, loop_header, loop_json, loop_row, stages_text,
+};
 use crate::settings;
 use crate::truth::{Judgement, Places, PoseError, Tally, Trajectory};
 
@@ -38,9 +40,8 @@ pub(crate) fn run(args: &LoopsArgs) -> anyhow::Result<Outcome> {
     }
     let mut graph = args.output.as_deref().map(Graph::create).transpose()?;
     let mut lines = Lines::new(graph.is_none());
-    if !args.json {
-        lines.line(&loop_header(past.is_some()))?;
-    }
+    // Before the first row: an error that comes first stands alone.
+    let mut header = (!args.json).then(|| loop_header(past.is_some()));
     let (mut tally, mut times) = (Tally::default(), StageTimes::start());
     let mut finder = LoopFinder::new(&config)?;
     let mut accumulator = Accumulator::new(config.accumulate.clone())?;
@@ -67,9 +68,13 @@ pub(crate) fn run(args: &LoopsArgs) -> anyhow::Result<Outcome> {
         let judgement = past.as_ref().map(|p| p.judge(&localization, closure.as_ref()));
         tally.add(&localization, judgement.as_ref(), config.accumulate.distance_m);
         times.add(&localization.timings);
+        tracing::debug!("{stamp:.6}: {}", stages_text(&localization.timings));
         let Some(closure) = closure else { continue };
         if let Some(graph) = &mut graph {
             graph.closure(&closure)?;
+        }
+        if let Some(header) = header.take() {
+            lines.line(&header)?;
         }
         lines.line(&match args.json {
             true => {

@@ -1,8 +1,12 @@
 //! How a run ends: exit codes, and errors as people read them.
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 use std::{fmt, io};
 
+use clap::CommandFactory;
+
+use crate::args::Cli;
 use crate::console;
 use crate::signals::{self, Interrupted};
 
@@ -58,11 +62,36 @@ pub fn exit(result: anyhow::Result<Outcome>) -> ExitCode {
     }
 }
 
-/// The exit code after the arguments were refused, or after help or version were asked for.
-pub fn usage(refusal: &clap::Error) -> ExitCode {
+/// The exit code after the arguments, the program's name first, were refused, or after help or version were asked for.
+pub fn usage(refusal: &clap::Error, arguments: &[OsString]) -> ExitCode {
     // Nothing is left to be done about an unwritable terminal here.
     let _ = refusal.print();
-    if refusal.use_stderr() { ExitCode::from(CODE_ERROR) } else { ExitCode::SUCCESS }
+    if !refusal.use_stderr() {
+        return ExitCode::SUCCESS;
+    }
+    // Whoever gave no arguments reads the help already.
+    if refusal.kind() != clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        console::say(&format!("hint: {} --help lists all there is", command_of(arguments)));
+    }
+    ExitCode::from(CODE_ERROR)
+}
+
+/// The subcommand that was meant, as far as it was spelled right: `esm-cli map build`.
+fn command_of(arguments: &[OsString]) -> String {
+    let mut command = &Cli::command();
+    let mut name = command.get_name().to_owned();
+    for argument in arguments.iter().skip(1) {
+        match command.find_subcommand(argument) {
+            Some(sub) => {
+                command = sub;
+                name = format!("{name} {}", sub.get_name());
+            }
+            // The flags before a subcommand have no values.
+            None if argument.as_encoded_bytes().starts_with(b"-") => {}
+            None => break,
+        }
+    }
+    name
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

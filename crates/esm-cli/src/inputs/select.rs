@@ -65,7 +65,7 @@ impl Selection {
         let (from_s, to_s) = (args.from.unwrap_or(0.0), args.to.unwrap_or(f64::INFINITY));
         if to_s < from_s {
             return Err(Failure::new(
-                format!("--from {from_s} --to {to_s} ends before it begins"),
+                format!("--from {} --to {} ends before it begins", seconds(from_s), seconds(to_s)),
                 "swap them",
             ));
         }
@@ -101,11 +101,33 @@ impl Selection {
             }
         }
         if used == 0 && scans > 0 {
-            let what = format!("--from {} --to {}: no scan was taken then", self.from_s, self.to_s);
+            let what = format!("{}: no scan was taken then", self.asked());
             return Err(Failure::new(what, format!("the scans span {duration_s:.3} s")));
         }
         Ok(())
     }
+
+    /// The flags that were given.
+    fn asked(&self) -> String {
+        let mut flags: Vec<String> = Vec::new();
+        if !self.ranges.is_empty() {
+            let ranges: Vec<String> = self.ranges.iter().map(ToString::to_string).collect();
+            flags.push(format!("--frames {}", ranges.join(",")));
+        }
+        if self.from_s > 0.0 {
+            flags.push(format!("--from {}", seconds(self.from_s)));
+        }
+        if self.to_s.is_finite() {
+            flags.push(format!("--to {}", seconds(self.to_s)));
+        }
+        flags.join(" ")
+    }
+}
+
+/// Seconds as people type them: `1e9`, not a row of zeros.
+fn seconds(s: f64) -> String {
+    let (plain, short) = (s.to_string(), format!("{s:e}"));
+    if plain.len() > 7 && short.len() < plain.len() { short } else { plain }
 }
 
 #[cfg(test)]
@@ -158,6 +180,17 @@ mod tests {
         );
         assert!(s.check(10, 1.0, 4).is_ok());
         let s = selection(&[], Some(50.0), None).unwrap();
-        assert!(s.check(8, 1.5, 0).unwrap_err().to_string().ends_with("hint: the scans span 1.500 s"));
+        assert_eq!(
+            s.check(8, 1.5, 0).unwrap_err().to_string(),
+            "--from 50: no scan was taken then\nhint: the scans span 1.500 s"
+        );
+        for (from, to, words) in [
+            (Some(1e9), None, "--frames 3-4 --from 1e9: no scan"),
+            (Some(20.5), Some(30.0), "--frames 3-4 --from 20.5 --to 30: no scan"),
+            (None, Some(0.25), "--frames 3-4 --to 0.25: no scan"),
+        ] {
+            let error = selection(&["3-4"], from, to).unwrap().check(8, 1.5, 0).unwrap_err().to_string();
+            assert!(error.starts_with(words), "{error}");
+        }
     }
 }

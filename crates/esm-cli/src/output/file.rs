@@ -79,7 +79,16 @@ impl Target {
         let unfinished = Unfinished::begin();
         let file = builder.tempfile_in(folder).map_err(|e| {
             let hint = match e.kind() {
-                io::ErrorKind::NotFound => format!("create the directory {} first", folder.display()),
+                io::ErrorKind::NotFound if std::env::current_dir().is_err() && target.is_relative() => {
+                    "the working directory is gone: change to one that exists".to_owned()
+                }
+                io::ErrorKind::NotFound if !folder.exists() => {
+                    format!("create the directory {} first", folder.display())
+                }
+                // As /proc answers, which is no place for files.
+                io::ErrorKind::NotFound => {
+                    format!("no files can be created in {}: choose another place", folder.display())
+                }
                 _ => format!("files must be writable in {}", folder.display()),
             };
             Failure::new(format!("{}: it cannot be written: {}", path.display(), plain(&e)), hint)

@@ -83,6 +83,13 @@ pub(super) fn stage_micros(timings: &Timings) -> impl Iterator<Item = (&'static 
     stages.into_iter().chain([("total", total)])
 }
 
+/// The stages and their sum on one line, for the log.
+pub(crate) fn stages_text(timings: &Timings) -> String {
+    let stages: Vec<String> =
+        stage_micros(timings).map(|(name, us)| format!("{name} {:.3}", us as f64 / 1e3)).collect();
+    format!("{} ms", stages.join(", "))
+}
+
 /// The head of the table.
 pub(crate) fn table_header(with_truth: bool) -> String {
     let mut head = format!(
