@@ -225,6 +225,7 @@ impl Sweeps {
         }
         let what = match self.yielded {
             0 => "the recording holds no cloud".to_owned(),
+            1 => format!("the only cloud holds no usable point ({} invalid ones)", self.dropped),
             n => format!("the {n} clouds hold no usable point ({} invalid ones)", self.dropped),
         };
         Some(Err(Error::empty(&self.path, what, "check the recording in a viewer")))

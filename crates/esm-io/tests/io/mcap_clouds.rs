@@ -149,7 +149,7 @@ fn empty_clouds_count_but_do_not_make_a_recording() {
     assert_eq!(all.sweeps.len(), 1);
     assert_eq!(
         all.error.unwrap(),
-        "r.mcap: the 1 clouds hold no usable point (0 invalid ones)\nhint: check the recording in a viewer"
+        "r.mcap: the only cloud holds no usable point (0 invalid ones)\nhint: check the recording in a viewer"
     );
     mcap.message(1, 2, &plain().encode());
     let file = TestFile::new("r.mcap", mcap.finished());
