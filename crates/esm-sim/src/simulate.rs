@@ -37,6 +37,9 @@ const FIELDS: [CloudField; 8] = {
     ]
 };
 
+/// Worlds are made for routes at least this long, metres: smaller ones would be all bends.
+const LEAST_WORLD_M: f64 = 150.0;
+
 /// Names in the recordings.
 const LAYOUT: RecordingLayout<'static> = RecordingLayout {
     cloud_topic: "/points",
@@ -142,7 +145,7 @@ fn visit(
     summary: &mut Summary,
 ) -> Result<(), Error> {
     let length = preset.length_m * scale;
-    let world = World::new(preset.world, seed, length, tour.visit);
+    let world = World::new(preset.world, seed, length.max(LEAST_WORLD_M), tour.visit);
     let key = Key::new(seed).with(0x5EE9).with(tour.visit.number.into());
     let trajectory =
         Trajectory::new(world.route().clone(), preset.ride(), key.with(1), |x, y| world.height(x, y));

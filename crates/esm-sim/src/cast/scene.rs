@@ -8,8 +8,9 @@ use parry3d::bounding_volume::Aabb;
 use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 
-use super::shape::Ray;
-use super::tile::{Hit, TileScene};
+use super::shape::{Ray, Shape};
+use super::tile::{Hit, HeightGrid, TileScene};
+use crate::world::{Class, Object};
 
 /// Tiles that rays are cast at together. Rays are told about `origin`, a point of the world near the sensor.
 pub struct Scene {
@@ -25,6 +26,28 @@ impl Scene {
             tiles.into_iter().filter(|t| !t.is_empty()).map(|t| (t.clone(), t.offset(origin))).collect();
         let boxes: Vec<Aabb> = tiles.iter().map(|(t, _)| t.bounds_about(origin)).collect();
         Self { origin, bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes), tiles }
+    }
+
+    /// A scene of loose shapes, each an object of its own, numbered from 1.
+    ///
+    /// ```
+    /// use esm_sim::{Key, Ray, Scene, Shape};
+    /// use nalgebra::Vector3;
+    /// let ball = Shape::spheroid(Vector3::x() * 5.0, Vector3::z(), 1.0, 1.0);
+    /// let scene = Scene::of_shapes(&[ball]);
+    /// let ray = Ray::try_new(Vector3::zeros(), Vector3::x(), Key::new(1)).ok_or("no direction")?;
+    /// assert_eq!(scene.cast(&ray, 100.0).map(|hit| (hit.distance, hit.object_id)), Some((4.0, 1)));
+    /// # Ok::<(), &str>(())
+    /// ```
+    pub fn of_shapes(shapes: &[Shape]) -> Self {
+        let object = |(n, shape): (usize, &Shape)| Object {
+            id: n as u32 + 1,
+            class: Class::Rock,
+            anchor: Vector3::zeros(),
+            shapes: vec![*shape],
+        };
+        let objects: Vec<Object> = shapes.iter().enumerate().map(object).collect();
+        Self::new(Vector3::zeros(), [Arc::new(TileScene::build(Vector3::zeros(), &objects, HeightGrid::default()))])
     }
 
     /// The point of the world that rays are told about.

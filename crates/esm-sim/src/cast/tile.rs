@@ -61,7 +61,7 @@ impl TileScene {
             let [a, b, c, d] = corners(&ground, cell);
             boxes.push(Aabb::new(a.min(b).min(c).min(d), a.max(b).max(c).max(d)));
         }
-        let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+        let bvh = Bvh::from_leaves(BvhBuildStrategy::Ploc, &boxes);
         let objects = objects.iter().map(|o| (o.id, o.class)).collect();
         Self { origin, bvh, shapes, owners, objects, ground }
     }

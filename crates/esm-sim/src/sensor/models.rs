@@ -1,7 +1,7 @@
 //! The sensors, with the geometry their makers publish.
 
 /// Which directions a sensor measures, in its own frame (x forward, y left, z up).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub enum Scan {
     /// Turns about z, all lasers at every step.
     Spinning {
@@ -22,7 +22,7 @@ pub enum Scan {
 }
 
 /// A LiDAR as published.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct Sensor {
     /// Its name.
     pub name: &'static str,

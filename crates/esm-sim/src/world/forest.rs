@@ -6,7 +6,7 @@ use super::plants::{bush, log, rock, sapling, stump, undergrowth};
 use super::terrain::Terrain;
 use super::tree::{Species, tree};
 use super::visit::Visit;
-use super::{Class, Object, TILE_M, object_id};
+use super::{Class, Object, TILE_M, new_object_id, object_id};
 use crate::hash::{Draw, Key};
 use crate::motion::Path;
 use crate::noise::{smoothstep, value};
@@ -104,7 +104,7 @@ impl Forest {
 
     /// Room a tree takes, metres: stands are dense or thin.
     fn spacing(&self, x: f64, y: f64) -> f64 {
-        3.1 + 1.5 * value(self.key.with(7), x / 33.0, y / 33.0)
+        2.7 + 1.3 * value(self.key.with(7), x / 33.0, y / 33.0)
     }
 
     /// Trees of a tile: a candidate stands where it comes first among all within its room (Matérn's second hard-core
@@ -172,7 +172,7 @@ impl Forest {
                 objects.push(self.object(id, Class::Tree, c.x, c.y, shapes));
             } else if draw.chance(0.5) {
                 // Felled: its stump has a number of its own.
-                let id = object_id(tile, 0x8000 + n as u32);
+                let id = new_object_id(tile, self.visit, n as u32);
                 objects.push(self.object(id, Class::Stump, c.x, c.y, stump(&mut key.draw())));
             }
         }
@@ -188,7 +188,7 @@ impl Forest {
                     // What is gone came back elsewhere: as many new ones as were lost.
                     let (key, id) = match self.visit.keeps(key) {
                         true => (key, object_id(tile, count)),
-                        false => (self.visit.own(key), object_id(tile, 0x8000 + count)),
+                        false => (self.visit.own(key), new_object_id(tile, self.visit, count)),
                     };
                     let mut draw = key.draw();
                     let x = (f64::from(tile.0) + f64::from(draw.unit())) * TILE_M;
@@ -202,7 +202,7 @@ impl Forest {
                 }
             };
         let growth = |draw: &Draw| self.visit.growth(Key::new(u64::from(draw.clone().unit().to_bits())));
-        scatter(20, 26, 1.6, &|x, y, d| {
+        scatter(20, 40, 1.6, &|x, y, d| {
             // Bushes grow at the edges and in patches.
             let patch = value(self.key.with(21), x / 19.0, y / 19.0) as f32;
             let edge = if self.off_track(x, y) < 6.0 { 0.25 } else { 0.0 };
@@ -215,7 +215,7 @@ impl Forest {
             let size = d.range(0.4, 1.3);
             (d.range(-0.9, 1.2) < patch).then(|| (Class::Undergrowth, undergrowth(size, season, d)))
         });
-        scatter(24, 12, 1.2, &|_, _, d| d.chance(0.6).then(|| (Class::Bush, sapling(season, d))));
+        scatter(24, 22, 1.2, &|_, _, d| d.chance(0.6).then(|| (Class::Bush, sapling(season, d))));
         scatter(25, 3, 3.5, &|_, _, d| d.chance(0.5).then(|| (Class::Log, log(d))));
         scatter(26, 3, 1.2, &|_, _, d| d.chance(0.5).then(|| (Class::Stump, stump(d))));
         scatter(27, 2, 1.5, &|_, _, d| d.chance(0.35).then(|| (Class::Rock, rock(d))));
@@ -248,7 +248,13 @@ fn trail(key: Key, length_m: f64) -> Path {
             }
         })
     };
-    let unit = Path::new(ring(length_m / 8.0)).length();
-    let rough = Path::new(ring(length_m / 8.0 * length_m / unit));
-    rough.smoothed(0.0, rough.length(), 4.0)
+    // Smoothing shortens it: three rounds bring its length to the one asked for.
+    let mut scale = length_m / 8.0;
+    let mut path = Path::default();
+    for _ in 0..3 {
+        let rough = Path::new(ring(scale));
+        path = rough.smoothed(0.0, rough.length(), 4.0);
+        scale *= 1.002 * length_m / path.length().max(1.0);
+    }
+    path
 }

@@ -139,8 +139,13 @@ pub fn tile_of(x: f64, y: f64) -> (i32, i32) {
 }
 
 /// An object's number from its place of birth: a cell of 256 x 256 about the origin, which wraps far outside of any
-/// preset, and a count in it. Counts from 0x8000 belong to what is new at a visit.
+/// preset, and a count below 0x8000 in it.
 fn object_id(cell: (i32, i32), count: u32) -> u32 {
     let byte = |v: i32| (v.rem_euclid(256)).cast_unsigned();
-    (byte(cell.0) << 24) | (byte(cell.1) << 16) | ((count + 1) & 0xFFFF)
+    (byte(cell.0) << 24) | (byte(cell.1) << 16) | ((count & 0x7FFF) + 1)
+}
+
+/// The number of what is new at a visit, from a count below 0x1FFF.
+fn new_object_id(cell: (i32, i32), visit: Visit, count: u32) -> u32 {
+    object_id(cell, 0) + 0x8000 + (u32::from(visit.number & 3) << 13) + (count & 0x1FFF) - 1
 }

@@ -9,7 +9,7 @@ use super::terrain::Terrain;
 use super::tree::{Species, tree};
 use super::vehicle::vehicle;
 use super::visit::Visit;
-use super::{Class, Object, object_id, tile_of};
+use super::{Class, Object, new_object_id, object_id, tile_of};
 use crate::cast::Shape;
 use crate::hash::{Draw, Key};
 use crate::motion::Path;
@@ -131,7 +131,7 @@ impl Fill<'_> {
             return;
         }
         // Counts go on over the pages of ids, one page after the other.
-        let id = object_id(((self.count >> 14) as i32, 0), self.count & 0x3FFF);
+        let id = object_id(((self.count >> 12) as i32, 0), self.count & 0xFFF);
         let anchor = Vector3::new(x, y, self.park.height(x, y));
         self.objects.push((tile_of(x, y), Object { id, class, anchor, shapes: of(&mut key.with(1).draw()) }));
     }
@@ -149,8 +149,9 @@ impl Fill<'_> {
         let kept = visit.keeps_loose(key) && class != Class::Person;
         let own = if kept { key } else { visit.own(key) };
         let [x, y] = at(&mut own.draw());
-        let page = (self.count >> 14) as i32;
-        let id = object_id((page, 0), (self.count & 0x3FFF) + if kept { 0 } else { 0x8000 });
+        let page = (self.count >> 12) as i32;
+        let count = self.count & 0xFFF;
+        let id = if kept { object_id((page, 0), count) } else { new_object_id((page, 0), visit, count) };
         let anchor = Vector3::new(x, y, self.park.height(x, y));
         self.objects.push((tile_of(x, y), Object { id, class, anchor, shapes: of(&mut own.with(1).draw()) }));
     }
@@ -336,7 +337,7 @@ impl Fill<'_> {
 
     fn put_lasting(&mut self, class: Class, x: f64, y: f64, shapes: Vec<Shape>) {
         self.count += 1;
-        let id = object_id(((self.count >> 14) as i32, 0), self.count & 0x3FFF);
+        let id = object_id(((self.count >> 12) as i32, 0), self.count & 0xFFF);
         let anchor = Vector3::new(x, y, self.park.height(x, y));
         self.objects.push((tile_of(x, y), Object { id, class, anchor, shapes }));
     }

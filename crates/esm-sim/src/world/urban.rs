@@ -10,7 +10,7 @@ use super::terrain::Terrain;
 use super::tree::{Species, tree};
 use super::vehicle::vehicle;
 use super::visit::Visit;
-use super::{Class, Object, object_id, tile_of};
+use super::{Class, Object, new_object_id, object_id, tile_of};
 use crate::cast::Shape;
 use crate::hash::{Draw, Key};
 use crate::motion::Path;
@@ -18,11 +18,11 @@ use crate::motion::Path;
 /// Mean distance of crossings, metres.
 const BLOCK: f64 = 88.0;
 /// Half the width of the carriageway, metres.
-const HALF_ROAD: f64 = 3.4;
+const HALF_ROAD: f64 = 3.8;
 /// From the middle of the road to the property line, metres: parking and pavement lie between.
-const FRONT: f64 = 7.6;
+const FRONT: f64 = 8.2;
 /// No house nearer to a crossing, metres.
-const CORNER: f64 = 17.0;
+const CORNER: f64 = 18.0;
 /// How far from its street an anchor may lie, metres.
 const REACH: f64 = 24.0;
 
@@ -150,7 +150,11 @@ impl Row<'_> {
     /// The next number: every thing that might stand counts, whether it does or not, so numbers hold over the visits.
     fn next_id(&mut self, new: bool) -> u32 {
         self.count += 1;
-        object_id(self.street.cell, self.count + 0x2000 * self.street.side + if new { 0x8000 } else { 0 })
+        let count = self.count + 0x1000 * self.street.side;
+        match new {
+            true => new_object_id(self.street.cell, self.town.visit, count),
+            false => object_id(self.street.cell, count),
+        }
     }
 
     /// Puts an object up if this tile owns it; its shapes are made only then.
@@ -353,7 +357,7 @@ impl Row<'_> {
                 let id = self.next_id(true);
                 let own = self.town.visit.own(thing.with(9));
                 let mut d = own.draw();
-                let at = self.place(left, s + f64::from(d.range(-9.0, 9.0)), f64::from(d.range(5.9, 7.0)));
+                let at = self.place(left, s + f64::from(d.range(-9.0, 9.0)), f64::from(d.range(6.5, 7.6)));
                 let yaw = at.along + if d.chance(0.5) { 0.0 } else { std::f32::consts::PI };
                 self.put(id, Class::Person, at, || person(yaw, d.range(0.85, 1.08), &mut d));
             }

@@ -39,7 +39,7 @@ impl Season {
 /// One visit.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Visit {
-    /// 0 for the visit that others are compared with, up to 7.
+    /// 0 for the visit that others are compared with, up to 3.
     pub number: u8,
     /// Foliage.
     pub season: Season,
