@@ -7,7 +7,8 @@ fn main() {
         let world = World::new(kind, 100, 500.0, visit);
         let ride = preset("train-urban").unwrap().ride();
         let trajectory = Trajectory::new(world.route().clone(), ride, Key::new(1), |x, y| world.height(x, y));
-        let places: Vec<_> = (1..=1).map(|n| trajectory.pose(f64::from(n) * 12.0).translation.vector).collect();
+        let places: Vec<_> =
+            (1..=1).map(|n| trajectory.pose(f64::from(n) * 12.0).translation.vector).collect();
         let t = Instant::now();
         let scene = Tiles::new(&world).scene(&places, f64::from(sensor.max_range_m));
         println!("{name} {} leaves, scene {:?}", scene.leaves(), t.elapsed());
@@ -24,4 +25,6 @@ fn cpu() -> f64 {
     let s = std::fs::read_to_string("/proc/self/schedstat").unwrap();
     s.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9
 }
-fn cpu_since(a: f64) -> f64 { cpu() - a }
+fn cpu_since(a: f64) -> f64 {
+    cpu() - a
+}

@@ -23,6 +23,6 @@ pub use error::Error;
 pub use hash::{Draw, Key};
 pub use motion::{Drift, Path, Ride, Trajectory, drifted};
 pub use preset::{PRESETS, Preset, Tour, preset};
-pub use sensor::{Point, Scan, Sensor, SensorModel, SweepSpec, sweep};
+pub use sensor::{Firing, Point, Scan, Sensor, SensorModel, SweepSpec, sweep};
 pub use simulate::{Progress, Summary, Tiles, simulate};
 pub use world::{Class, Object, Season, TILE_M, Visit, World, WorldKind, tile_of};

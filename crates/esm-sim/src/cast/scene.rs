@@ -9,7 +9,7 @@ use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 
 use super::shape::{Ray, Shape};
-use super::tile::{Hit, HeightGrid, TileScene};
+use super::tile::{HeightGrid, Hit, TileScene};
 use crate::world::{Class, Object};
 
 /// Tiles that rays are cast at together. Rays are told about `origin`, a point of the world near the sensor.
@@ -47,7 +47,10 @@ impl Scene {
             shapes: vec![*shape],
         };
         let objects: Vec<Object> = shapes.iter().enumerate().map(object).collect();
-        Self::new(Vector3::zeros(), [Arc::new(TileScene::build(Vector3::zeros(), &objects, HeightGrid::default()))])
+        Self::new(
+            Vector3::zeros(),
+            [Arc::new(TileScene::build(Vector3::zeros(), &objects, HeightGrid::default()))],
+        )
     }
 
     /// The point of the world that rays are told about.

@@ -45,6 +45,8 @@ pub struct TileScene {
     owners: Vec<u32>,
     objects: Vec<(u32, Class)>,
     ground: HeightGrid,
+    /// Media of different tiles draw apart.
+    salt: u32,
 }
 
 impl TileScene {
@@ -61,9 +63,11 @@ impl TileScene {
             let [a, b, c, d] = corners(&ground, cell);
             boxes.push(Aabb::new(a.min(b).min(c).min(d), a.max(b).max(c).max(d)));
         }
-        let bvh = Bvh::from_leaves(BvhBuildStrategy::Ploc, &boxes);
+        let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
         let objects = objects.iter().map(|o| (o.id, o.class)).collect();
-        Self { origin, bvh, shapes, owners, objects, ground }
+        let cell = |v: f64| (v as i64 as u32).wrapping_mul(0x9E37_79B1);
+        let salt = cell(origin.x).rotate_left(16) ^ cell(origin.y);
+        Self { salt, origin, bvh, shapes, owners, objects, ground }
     }
 
     pub(super) fn aabb(&self) -> Aabb {
@@ -91,17 +95,12 @@ impl TileScene {
     #[inline]
     fn cast_leaf(&self, ray: &Ray, leaf: u32, limit: f32) -> Option<f32> {
         match self.shapes.get(leaf as usize) {
-            Some(shape) => shape.cast(ray, limit, self.medium_number(leaf)),
+            Some(shape) => shape.cast(ray, limit, self.salt.wrapping_add(leaf)),
             None => {
                 let [a, b, c, d] = corners(&self.ground, leaf as usize - self.shapes.len());
                 triangle(ray, a, b, c).or_else(|| triangle(ray, b, d, c)).filter(|t| *t < limit)
             }
         }
-    }
-
-    /// Media of different objects draw apart.
-    fn medium_number(&self, leaf: u32) -> u32 {
-        self.objects[self.owners[leaf as usize] as usize].0.wrapping_mul(0x9E37_79B1).wrapping_add(leaf)
     }
 
     /// What stands at a leaf.

@@ -3,5 +3,5 @@
 mod models;
 mod sweep;
 
-pub use models::{Scan, Sensor, SensorModel};
+pub use models::{Firing, Scan, Sensor, SensorModel};
 pub use sweep::{Point, SweepSpec, sweep};

@@ -197,22 +197,41 @@ impl Sensor {
         }
     }
 
-    /// The direction, ring and share of the active time (0 to 1) of a ray.
-    pub fn ray(&self, n: usize) -> ([f64; 3], u16, f64) {
-        match self.scan {
-            Scan::Spinning { elevations, lasers, steps } => {
-                let (step, laser) = (n / lasers, n % lasers);
+    /// The directions, firing by firing: all beams of a firing leave at the same time.
+    pub fn firings(&self) -> impl Iterator<Item = Firing> + use<> {
+        let scan = self.scan;
+        let elevations: Vec<(f64, f64)> = match scan {
+            Scan::Spinning { elevations, lasers, .. } => {
+                (0..lasers).map(|n| elevations(n).sin_cos()).collect()
+            }
+            Scan::Line { .. } => Vec::new(),
+        };
+        let firings = match scan {
+            Scan::Spinning { steps, .. } => steps,
+            Scan::Line { beams, .. } => beams,
+        };
+        (0..firings).map(move |n| match scan {
+            Scan::Spinning { steps, .. } => {
                 // Velodynes turn clockwise seen from above; a sweep starts and ends behind.
-                let share = step as f64 / steps as f64;
-                let azimuth = std::f64::consts::PI - std::f64::consts::TAU * share;
-                let (e, a) = (elevations(laser).sin_cos(), azimuth.sin_cos());
-                ([e.1 * a.1, e.1 * a.0, e.0], laser as u16, share)
+                let share = n as f64 / steps as f64;
+                let (s, c) = (std::f64::consts::PI - std::f64::consts::TAU * share).sin_cos();
+                let dirs = elevations.iter().map(|(se, ce)| [ce * c, ce * s, *se]).collect();
+                Firing { share, dirs }
             }
             Scan::Line { field, beams } => {
                 let share = n as f64 / (beams - 1) as f64;
-                let a = (field * (share - 0.5)).sin_cos();
-                ([a.1, a.0, 0.0], 0, share)
+                let (s, c) = (field * (share - 0.5)).sin_cos();
+                Firing { share, dirs: vec![[c, s, 0.0]] }
             }
-        }
+        })
     }
+}
+
+/// Beams that leave together.
+#[derive(Clone, Debug)]
+pub struct Firing {
+    /// When, as a share (0 to 1) of the active time.
+    pub share: f64,
+    /// Unit directions in the sensor frame; the place in the list is the ring.
+    pub dirs: Vec<[f64; 3]>,
 }

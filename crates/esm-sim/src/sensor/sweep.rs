@@ -58,32 +58,37 @@ pub fn sweep(spec: &SweepSpec<'_>, scene: &Scene, pose_map_sensor: impl Fn(f64) 
         .map(|n| pose_map_sensor(spec.stamp_s - sensor.active_s * (1.0 - n as f64 / PIECES as f64)))
         .collect();
     let mut points = Vec::with_capacity(sensor.rays() / 2);
-    for n in 0..sensor.rays() {
-        let (dir, ring, share) = sensor.ray(n);
-        let piece = share * PIECES as f64;
+    let mut ray = 0;
+    for firing in sensor.firings() {
+        let piece = firing.share * PIECES as f64;
         let k = (piece as usize).min(PIECES - 1);
         let (a, b, t) = (&poses[k], &poses[k + 1], piece - k as f64);
         let at = a.translation.vector + (b.translation.vector - a.translation.vector) * t;
-        let rotation = a.rotation.nlerp(&b.rotation, t);
-        let key = spec.key.with(n as u64);
+        let rotation = a.rotation.nlerp(&b.rotation, t).to_rotation_matrix();
         let origin = (at - scene.origin()).cast::<f32>();
-        let along = (rotation * Vector3::from(dir)).cast::<f32>();
-        let Some((hit, range)) = measure(sensor, scene, origin, along, key) else { continue };
-        let local = Vector3::from(dir) * f64::from(range);
-        let local = if spec.undistorted {
-            at_stamp.inverse_transform_vector(&(rotation * local + at - at_stamp.translation.vector))
-        } else {
-            local
-        };
-        let strength = hit.class.reflectivity() * hit.cos_incidence.max(0.1);
-        points.push(Point {
-            xyz: local.map(|v| (v as f32 * STEPS_PER_M).round() / STEPS_PER_M).into(),
-            intensity: (255.0 * strength * (0.85 + 0.3 * key.with(7).unit())).clamp(0.0, 255.0).round(),
-            time: (-(1.0 - share) * sensor.active_s) as f32,
-            object_id: hit.object_id,
-            ring,
-            class: hit.class,
-        });
+        let time = (-(1.0 - firing.share) * sensor.active_s) as f32;
+        for (ring, dir) in firing.dirs.iter().enumerate() {
+            let dir = Vector3::from(*dir);
+            let key = spec.key.with(ray);
+            ray += 1;
+            let along = (rotation * dir).cast::<f32>();
+            let Some((hit, range)) = measure(sensor, scene, origin, along, key) else { continue };
+            let local = dir * f64::from(range);
+            let local = if spec.undistorted {
+                at_stamp.inverse_transform_vector(&(rotation * local + at - at_stamp.translation.vector))
+            } else {
+                local
+            };
+            let strength = hit.class.reflectivity() * hit.cos_incidence.max(0.1);
+            points.push(Point {
+                xyz: local.map(|v| (v as f32 * STEPS_PER_M).round() / STEPS_PER_M).into(),
+                intensity: (255.0 * strength * (0.85 + 0.3 * key.with(7).unit())).clamp(0.0, 255.0).round(),
+                time,
+                object_id: hit.object_id,
+                ring: ring as u16,
+                class: hit.class,
+            });
+        }
     }
     points
 }
@@ -101,16 +106,16 @@ fn measure(
     if lost < LOST {
         return None;
     }
-    // Within the beam's cone: the strongest part of the spot is at a random place of it.
+    // Within the beam's cone: the strongest part of the spot is at a random place near its middle.
     let side = along.cross(&Vector3::z()).try_normalize(1e-3).unwrap_or_else(Vector3::x);
     let up = side.cross(&along);
-    let spot = |u: f32, v: f32| along + (side * u + up * v) * (0.25 * sensor.divergence_rad);
-    let dir = spot(draw.normal(), draw.normal());
+    let spot = |u: f32, v: f32| along + (side * u + up * v) * (0.5 * sensor.divergence_rad);
+    let dir = spot(draw.range(-0.6, 0.6), draw.range(-0.6, 0.6));
     let mut hit = cast(sensor, scene, origin, dir, key.with(1))?;
     let mut range = hit.distance;
     if mixed < MIXED_SHARE
         && let Some(other) =
-            cast(sensor, scene, origin, spot(1.6 * draw.normal(), 1.6 * draw.normal()), key.with(2))
+            cast(sensor, scene, origin, spot(draw.range(-1.0, 1.0), draw.range(-1.0, 1.0)), key.with(2))
     {
         let (near, far) = if other.distance < range { (other, hit) } else { (hit, other) };
         // Apart, the nearer return wins or loses as a whole; together they melt into one in between.

@@ -31,7 +31,8 @@ fn recordings_can_be_read_back() {
     simulate_with(2, "cornbury", 0.02, dir.path());
     for visit in ["map", "live"] {
         let truth = read_tum(dir.path().join(format!("{visit}_truth.tum"))).unwrap();
-        let recording = Recording::open(dir.path().join(format!("{visit}.mcap")), &OpenOptions::default()).unwrap();
+        let recording =
+            Recording::open(dir.path().join(format!("{visit}.mcap")), &OpenOptions::default()).unwrap();
         let mut sweeps = recording.sweeps().unwrap();
         let all: Vec<_> = sweeps.by_ref().map(|s| s.unwrap()).collect();
         assert_eq!(sweeps.warnings(), []);

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use esm_sim::{
-    Class, Key, Object, Ray, Season, SensorModel, SweepSpec, Tiles, Trajectory, Visit, World, WorldKind, preset,
-    sweep, tile_of,
+    Class, Key, Object, Ray, Season, SensorModel, SweepSpec, Tiles, Trajectory, Visit, World, WorldKind,
+    preset, sweep, tile_of,
 };
 use nalgebra::Vector3;
 
@@ -50,7 +50,8 @@ fn numbers_are_unique_and_last() {
 fn change_is_what_was_asked_for() {
     let lasting = |c: Class| matches!(c, Class::Tree);
     for (kind, change) in [(WorldKind::Forest, 0.05), (WorldKind::Forest, 0.3), (WorldKind::Park, 0.2)] {
-        let [first, second] = [visit(0, change), visit(1, change)].map(|v| objects(&World::new(kind, 6, 900.0, v)));
+        let [first, second] =
+            [visit(0, change), visit(1, change)].map(|v| objects(&World::new(kind, 6, 900.0, v)));
         let (mut all, mut gone) = (0.0, 0.0);
         for (id, _) in first.iter().filter(|(_, o)| lasting(o.class)) {
             all += 1.0;
@@ -58,11 +59,18 @@ fn change_is_what_was_asked_for() {
         }
         let (share, asked) = (gone / all, f64::from(change));
         let sigma = (asked * (1.0 - asked) / all).sqrt();
-        assert!((share - asked).abs() < 3.0 * sigma + 1e-9, "{kind:?}: {share} of {all} are gone, not {asked}");
+        assert!(
+            (share - asked).abs() < 3.0 * sigma + 1e-9,
+            "{kind:?}: {share} of {all} are gone, not {asked}"
+        );
     }
     let cars = |v| {
         let world = World::new(WorldKind::Urban, 6, 900.0, v);
-        objects(&world).into_iter().filter(|(_, o)| o.class == Class::Car).map(|(id, _)| id).collect::<Vec<_>>()
+        objects(&world)
+            .into_iter()
+            .filter(|(_, o)| o.class == Class::Car)
+            .map(|(id, _)| id)
+            .collect::<Vec<_>>()
     };
     let (before, after) = (cars(visit(0, 0.05)), cars(visit(1, 0.05)));
     let stayed = before.iter().filter(|id| after.contains(id)).count() as f64 / before.len() as f64;
@@ -73,9 +81,11 @@ fn change_is_what_was_asked_for() {
 /// measured, without noise, a surface is there. Foliage is chance and left out; mixed edges and glancing rays may differ.
 #[test]
 fn points_lie_on_the_world_by_the_truth() {
-    for (kind, model, undistorted) in
-        [(WorldKind::Urban, SensorModel::Hdl32e, true), (WorldKind::Forest, SensorModel::Vlp16, true), (WorldKind::Park, SensorModel::Os1_64, true)]
-    {
+    for (kind, model, undistorted) in [
+        (WorldKind::Urban, SensorModel::Hdl32e, true),
+        (WorldKind::Forest, SensorModel::Vlp16, true),
+        (WorldKind::Park, SensorModel::Os1_64, true),
+    ] {
         let world = World::new(kind, 8, 300.0, visit(0, 0.0));
         let ride = preset("train-urban").unwrap().ride();
         let trajectory = Trajectory::new(world.route().clone(), ride, Key::new(8), |x, y| world.height(x, y));
