@@ -10,7 +10,7 @@ use crate::world::Class;
 
 /// Returns lost whatever they hit: interference, calibration, packets.
 const LOST: f32 = 0.004;
-/// Every so manyth ray's cone is looked at twice.
+/// Share of the rays that hit objects whose cone is looked at twice.
 const MIXED_SHARE: f32 = 0.15;
 /// Two surfaces nearer to each other than this are one pulse to the receiver, metres: about half of a 5 ns pulse's length.
 const PULSE_M: f32 = 0.6;
@@ -113,7 +113,9 @@ fn measure(
     let dir = spot(draw.range(-0.6, 0.6), draw.range(-0.6, 0.6));
     let mut hit = cast(sensor, scene, origin, dir, key.with(1))?;
     let mut range = hit.distance;
+    // Open ground has no edges: looking twice there would cost much and change nothing.
     if mixed < MIXED_SHARE
+        && hit.object_id != 0
         && let Some(other) =
             cast(sensor, scene, origin, spot(draw.range(-1.0, 1.0), draw.range(-1.0, 1.0)), key.with(2))
     {

@@ -33,7 +33,7 @@ struct Candidate {
 
 impl Forest {
     pub(super) fn new(key: Key, length_m: f64, visit: Visit) -> Self {
-        let layers = &[(230.0, 7.0), (90.0, 2.6), (31.0, 0.7), (9.0, 0.16), (3.1, 0.07), (1.3, 0.03)];
+        let layers = &[(230.0, 7.0), (90.0, 2.6), (31.0, 0.7), (9.0, 0.16), (3.7, 0.07)];
         let terrain = Terrain { key: key.with(1), layers };
         // Above 700 m the trail winds so much that a plain ring would hide that it loops: it crosses itself.
         let route = trail(key.with(2), length_m);

@@ -113,7 +113,7 @@ impl World {
     pub fn tile(&self, tile: (i32, i32)) -> TileScene {
         let (x0, y0) = (f64::from(tile.0) * TILE_M, f64::from(tile.1) * TILE_M);
         let cells = match self.layout {
-            Layout::Forest(_) => 32,
+            Layout::Forest(_) => 20,
             Layout::Park(_) | Layout::Urban(_) => 16,
         };
         let size = TILE_M / cells as f64;
