@@ -50,7 +50,7 @@ impl Ray {
 /// One piece of an object, in metres about the object's anchor, z up.
 ///
 /// Solids are hit where the ray meets their surface. Media stop a ray inside them after a free path drawn from the
-/// exponential distribution of their density (Beer and Lambert): each medium draws for itself from the ray's key and its
+/// exponential distribution of their density (Beer and Lambert); clumps are densest in their middle. Each medium draws for itself from the ray's key and its
 /// own number, and the nearest hit wins. That is the exact law for media that overlap, whatever the order of visits.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape(Kind);
@@ -100,7 +100,7 @@ impl Shape {
         Self::clump(center, axis, along, across, SOLID)
     }
 
-    /// A spheroid of foliage; `density` in hits a metre.
+    /// A spheroid of foliage; `density` in hits a metre, on the mean of a chord through its middle.
     pub fn clump(center: Vector3<f32>, axis: Vector3<f32>, along: f32, across: f32, density: f32) -> Self {
         let axis = axis.try_normalize(1e-6).unwrap_or_else(Vector3::z);
         let (along, across) = (along.max(1e-3), across.max(1e-3));
@@ -180,7 +180,17 @@ impl Shape {
                     return None;
                 }
                 let root = root.sqrt();
-                inside(nearest + (-b - root) / a, nearest + (-b + root) / a, density, ray.key, number)
+                let (enter, leave) = (nearest + (-b - root) / a, nearest + (-b + root) / a);
+                if density == SOLID {
+                    inside(enter, leave, density, ray.key, number)
+                } else {
+                    // Square of the distance to the middle, 1 at the rim.
+                    let rho2 = |t: f32| {
+                        let p = o + d * (t - nearest);
+                        p.dot(p)
+                    };
+                    clump(enter.max(0.0), leave, density, rho2, ray.key.with(u64::from(number)))
+                }
             }
         }?;
         (t < limit).then_some(t)
@@ -233,6 +243,26 @@ fn inside(enter: f32, leave: f32, density: f32, key: Key, number: u32) -> Option
     let enter = enter.max(0.0);
     let t = enter - key.with(u64::from(number)).unit().ln() / density;
     (t < leave).then_some(t)
+}
+
+/// The hit in a clump, densest in the middle and thin at the rim, so that no outline shows: delta tracking (Woodcock et al.,
+/// "Techniques used in the GEM code", ANL-7050, 1965). Steps are drawn for the middle's density and hits accepted by the
+/// share of it that is found there, 1 - rho^2, whose mean over chords through the middle is 2/3.
+#[inline]
+fn clump(enter: f32, leave: f32, density: f32, rho2: impl Fn(f32) -> f32, key: Key) -> Option<f32> {
+    let step = -1.0 / (1.5 * density);
+    let mut t = enter;
+    // Denser clumps are hit after a few steps: the bound is never met in practice.
+    for n in 0..64 {
+        t += step * key.with(2 * n).unit().ln();
+        if t >= leave {
+            return None;
+        }
+        if key.with(2 * n + 1).unit() > rho2(t) {
+            return Some(t);
+        }
+    }
+    Some(t)
 }
 
 #[inline]

@@ -98,6 +98,24 @@ fn foliage_lets_the_right_share_through() {
     assert!((share - law).abs() < 0.01, "{share}, by the law {law}");
 }
 
+/// A clump stops the share that the integral of its density over the chord says: 1.5 d (1 - rho^2).
+#[test]
+fn clumps_follow_their_density() {
+    let scene = Scene::of_shapes(&[Shape::clump(Vector3::x() * 5.0, Vector3::z(), 1.0, 2.0, 0.5)]);
+    for (height, share) in [0.0f64, 0.6].map(|h| {
+        // At this height the chord reaches `half` to both sides; the density is 0.75 (1 - h^2 - (x / 2)^2).
+        let half = 2.0 * (1.0 - h * h).sqrt();
+        let depth = 0.75 * 2.0 * ((1.0 - h * h) * half - half.powi(3) / 12.0);
+        (h, (-depth).exp())
+    }) {
+        let n = 20_000;
+        let eye = Vector3::new(0.0, 0.0, height as f32);
+        let ray = |k| Ray::try_new(eye, Vector3::x(), Key::new(k)).unwrap();
+        let through = (0..n).filter(|k| scene.cast(&ray(*k), 50.0).is_none()).count() as f64 / n as f64;
+        assert!((through - share).abs() < 0.012, "at {height}: {through}, by the law {share}");
+    }
+}
+
 #[test]
 fn rays_without_direction_are_refused() {
     let zero = Vector3::zeros();
