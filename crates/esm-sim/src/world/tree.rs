@@ -51,11 +51,11 @@ impl Species {
             evergreen,
         };
         match self {
-            Self::Oak => h(42.0, 0.22, 0.34, 0.45, (7, 13), 0.06, 0.035, 0.55, false),
-            Self::Beech => h(60.0, 0.35, 0.24, 0.75, (8, 14), 0.03, 0.012, 0.6, false),
-            Self::Birch => h(85.0, 0.4, 0.16, 0.9, (7, 12), 0.07, 0.03, 0.35, false),
-            Self::Pine => h(65.0, 0.58, 0.17, 0.3, (8, 13), 0.04, 0.015, 0.5, true),
-            Self::Spruce => h(75.0, 0.12, 0.17, -0.15, (18, 30), 0.015, 0.006, 0.8, true),
+            Self::Oak => h(42.0, 0.22, 0.34, 0.45, (9, 16), 0.06, 0.035, 1.0, false),
+            Self::Beech => h(60.0, 0.35, 0.24, 0.75, (10, 16), 0.03, 0.012, 1.1, false),
+            Self::Birch => h(85.0, 0.4, 0.16, 0.9, (9, 14), 0.07, 0.03, 0.7, false),
+            Self::Pine => h(65.0, 0.58, 0.17, 0.3, (9, 15), 0.04, 0.015, 1.1, true),
+            Self::Spruce => h(75.0, 0.12, 0.17, -0.15, (20, 32), 0.015, 0.006, 1.6, true),
         }
     }
 
@@ -131,25 +131,36 @@ pub(super) fn tree(
         let thick = (0.45 * radius(t)).min(0.022 * length + 0.01).max(0.008);
         shapes.push(Shape::frustum(from, elbow, thick, 0.6 * thick));
         shapes.push(Shape::frustum(elbow, tip, 0.6 * thick, 0.008));
-        if species == Species::Spruce {
-            // Flat fans of needles along the branch.
-            let middle = from + (tip - from) * 0.62 + wind * u;
-            shapes.push(Shape::clump(middle, tip - from, 0.5 * length + 0.15, 0.16 * length + 0.14, leaf));
-            continue;
-        }
-        let twigs = structure.count(1, if length > 1.8 { 3 } else { 1 });
+        // Twigs along the outer part of the branch, each in its own foliage, long rather than round: branches stay visible
+        // as the crown's structure and no ball shows.
+        let spruce = species == Species::Spruce;
+        let twigs = structure.count(2, 3 + (length * 0.9).min(3.0) as usize);
         for k in 0..twigs {
-            let start = from + (elbow - from) * structure.range(0.6, 1.0);
-            let sway = V::new(structure.normal(), structure.normal(), 0.4 + 0.5 * structure.normal())
-                * (0.22 * length);
-            let end = start + (tip - elbow) * 0.6 + sway;
-            if k > 0 {
-                shapes.push(Shape::frustum(start, end, 0.4 * thick, 0.005));
+            let u_twig = structure.range(0.3, 1.1);
+            let start = if u_twig < 0.55 {
+                from + (elbow - from) * (u_twig / 0.55)
+            } else {
+                elbow + (tip - elbow) * ((u_twig - 0.55) / 0.45).min(1.0)
+            };
+            let spread = V::new(
+                structure.normal(),
+                structure.normal(),
+                structure.normal() * if spruce { 0.25 } else { 0.8 },
+            );
+            let reach = length * structure.range(0.16, 0.34) + 0.15;
+            let twig = (out + spread * 0.8 + V::z() * if spruce { -0.1 } else { 0.25 }).normalize() * reach;
+            if k == 0 {
+                shapes.push(Shape::frustum(start, start + twig, 0.35 * thick, 0.005));
             }
-            let middle = if k == 0 { tip } else { end } + wind * (0.5 + u);
-            let (size, flat) = (structure.range(0.18, 0.34) * length + 0.25, structure.range(0.6, 1.0));
-            let up = V::new(0.3 * structure.normal(), 0.3 * structure.normal(), 1.0);
-            shapes.push(Shape::clump(middle, up, size * flat, size, leaf * structure.range(0.6, 1.4)));
+            let middle = start + twig * 0.6 + wind * (0.5 + u);
+            let across = reach * structure.range(0.28, 0.5) * if spruce { 0.7 } else { 1.0 } + 0.06;
+            shapes.push(Shape::clump(
+                middle,
+                twig,
+                0.65 * reach + 0.1,
+                across,
+                leaf * structure.range(0.5, 1.6),
+            ));
         }
     }
     shapes
