@@ -134,7 +134,7 @@ pub(super) fn tree(
         // Twigs along the outer part of the branch, each in its own foliage, long rather than round: branches stay visible
         // as the crown's structure and no ball shows.
         let spruce = species == Species::Spruce;
-        let twigs = structure.count(2, 3 + (length * 0.9).min(3.0) as usize);
+        let twigs = structure.count(if spruce { 3 } else { 2 }, 3 + (length * 0.9).min(3.0) as usize);
         for k in 0..twigs {
             let u_twig = structure.range(0.3, 1.1);
             let start = if u_twig < 0.55 {
