@@ -1,5 +1,5 @@
 //! Rays a second on one core: whole sweeps of an HDL-64E (133,312 rays) in each world, foliage, noise and mixed pixels
-//! included, and the making of a tile. No thread pool takes part: criterion calls on one thread.
+//! included, and the making of a tile. No thread pool takes part: criterion calls on one thread. Rates are of rays fired.
 
 #![allow(missing_docs)] // Criterion's macros.
 
