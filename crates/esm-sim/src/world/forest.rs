@@ -7,6 +7,7 @@ use super::terrain::Terrain;
 use super::tree::{Species, tree};
 use super::visit::Visit;
 use super::{Class, Object, TILE_M, new_object_id, object_id};
+use crate::cast::Shape;
 use crate::hash::{Draw, Key};
 use crate::motion::Path;
 use crate::noise::{smoothstep, value};
@@ -22,6 +23,9 @@ pub(super) struct Forest {
     tracks: Vec<Path>,
     visit: Visit,
 }
+
+/// Makes a thing at a place (x, y) from how much it has grown and what is drawn for it; `None` where nothing stands.
+type Maker<'a> = &'a dyn Fn(f64, f64, f32, &mut Draw) -> Option<(Class, Vec<Shape>)>;
 
 /// A tree that might stand.
 struct Candidate {
@@ -177,52 +181,47 @@ impl Forest {
             }
         }
         let mut count = 0x1000;
-        let mut scatter =
-            |layer: u64,
-             most: usize,
-             min_off: f64,
-             of: &dyn Fn(f64, f64, &mut Draw) -> Option<(Class, Vec<crate::cast::Shape>)>| {
-                for n in 0..most {
-                    count += 1;
-                    let key = self.key.with(layer).cell(tile.0.into(), tile.1.into()).with(n as u64);
-                    // What is gone came back elsewhere: as many new ones as were lost.
-                    let (key, id) = match self.visit.keeps(key) {
-                        true => (key, object_id(tile, count)),
-                        false => (self.visit.own(key), new_object_id(tile, self.visit, count)),
-                    };
-                    let mut draw = key.draw();
-                    let x = (f64::from(tile.0) + f64::from(draw.unit())) * TILE_M;
-                    let y = (f64::from(tile.1) + f64::from(draw.unit())) * TILE_M;
-                    if self.off_track(x, y) < min_off {
-                        continue;
-                    }
-                    if let Some((class, shapes)) = of(x, y, &mut draw) {
-                        objects.push(self.object(id, class, x, y, shapes));
-                    }
+        let mut scatter = |layer: u64, most: usize, min_off: f64, of: Maker<'_>| {
+            for n in 0..most {
+                count += 1;
+                let key = self.key.with(layer).cell(tile.0.into(), tile.1.into()).with(n as u64);
+                // What is gone came back elsewhere: as many new ones as were lost.
+                let (key, id) = match self.visit.keeps(key) {
+                    true => (key, object_id(tile, count)),
+                    false => (self.visit.own(key), new_object_id(tile, self.visit, count)),
+                };
+                let mut draw = key.draw();
+                let x = (f64::from(tile.0) + f64::from(draw.unit())) * TILE_M;
+                let y = (f64::from(tile.1) + f64::from(draw.unit())) * TILE_M;
+                if self.off_track(x, y) < min_off {
+                    continue;
                 }
-            };
-        let growth = |draw: &Draw| self.visit.growth(Key::new(u64::from(draw.clone().unit().to_bits())));
-        scatter(20, 40, 1.6, &|x, y, d| {
+                if let Some((class, shapes)) = of(x, y, self.visit.growth(key), &mut draw) {
+                    objects.push(self.object(id, class, x, y, shapes));
+                }
+            }
+        };
+        scatter(20, 40, 1.6, &|x, y, growth, d| {
             // Bushes grow at the edges and in patches.
             let patch = value(self.key.with(21), x / 19.0, y / 19.0) as f32;
             let edge = if self.off_track(x, y) < 6.0 { 0.25 } else { 0.0 };
-            let size = d.range(0.5, 1.5) * growth(d);
+            let size = d.range(0.5, 1.5) * growth;
             let evergreen = d.chance(0.4);
             (d.range(-1.0, 0.9) < patch + edge).then(|| (Class::Bush, bush(size, evergreen, season, d)))
         });
-        scatter(22, 55, 0.9, &|x, y, d| {
+        scatter(22, 55, 0.9, &|x, y, _, d| {
             let patch = value(self.key.with(23), x / 12.0, y / 12.0) as f32;
             let size = d.range(0.4, 1.3);
             (d.range(-0.9, 1.2) < patch).then(|| (Class::Undergrowth, undergrowth(size, season, d)))
         });
-        scatter(24, 22, 1.2, &|_, _, d| d.chance(0.6).then(|| (Class::Bush, sapling(season, d))));
-        scatter(25, 3, 3.5, &|_, _, d| d.chance(0.5).then(|| (Class::Log, log(d))));
-        scatter(26, 3, 1.2, &|_, _, d| d.chance(0.5).then(|| (Class::Stump, stump(d))));
-        scatter(27, 2, 1.5, &|_, _, d| d.chance(0.35).then(|| (Class::Rock, rock(d))));
+        scatter(24, 22, 1.2, &|_, _, _, d| d.chance(0.6).then(|| (Class::Bush, sapling(season, d))));
+        scatter(25, 3, 3.5, &|_, _, _, d| d.chance(0.5).then(|| (Class::Log, log(d))));
+        scatter(26, 3, 1.2, &|_, _, _, d| d.chance(0.5).then(|| (Class::Stump, stump(d))));
+        scatter(27, 2, 1.5, &|_, _, _, d| d.chance(0.35).then(|| (Class::Rock, rock(d))));
         objects
     }
 
-    fn object(&self, id: u32, class: Class, x: f64, y: f64, shapes: Vec<crate::cast::Shape>) -> Object {
+    fn object(&self, id: u32, class: Class, x: f64, y: f64, shapes: Vec<Shape>) -> Object {
         Object { id, class, anchor: Vector3::new(x, y, self.height(x, y)), shapes }
     }
 }

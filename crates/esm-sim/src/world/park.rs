@@ -288,7 +288,7 @@ impl Fill<'_> {
             let [x, y] = at(t, 0.0);
             // Gates where the paths lead out.
             if park.to_path(x, y) > 2.0 {
-                let solid = side % 2 == 0;
+                let solid = side.is_multiple_of(2);
                 let class = if solid { Class::Wall } else { Class::Fence };
                 self.put(key.with(n), class, x, y, |d| {
                     if solid { wall(run as f32, along, 0.9, d) } else { fence(run as f32, along, 1.2, d) }

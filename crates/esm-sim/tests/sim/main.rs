@@ -1,5 +1,5 @@
 //! The simulator against oracles, its own truth, and the readers of recordings.
-#![allow(missing_docs)]
+#![allow(missing_docs, clippy::unwrap_used)] // Helpers of tests unwrap too.
 
 mod casting;
 mod recordings;
