@@ -78,7 +78,8 @@ pub struct Summary {
 /// all is done, `preset.toml`. `scale` multiplies the length of the route. `progress` hears of every batch of sweeps; where it
 /// answers `false` the simulation stops. The bytes depend on preset, seed and scale alone.
 ///
-/// Truth is `pose_map_sensor` at every sweep's stamp. Both visits share the map frame.
+/// Clouds (`/points`, frame `lidar`) hold x y z intensity time ring object_id and class; `/odometry` (`odom` to `lidar`)
+/// drifts. Truth is `pose_map_sensor` at every sweep's stamp. Both visits share the map frame.
 ///
 /// # Errors
 /// [`Error::Scale`], [`Error::Directory`], [`Error::Output`], [`Error::Interrupted`].

@@ -60,9 +60,4 @@ impl Class {
             _ => 0.0,
         }
     }
-
-    /// Whether it may be elsewhere the next minute.
-    pub fn moves(self) -> bool {
-        matches!(self, Self::Person)
-    }
 }
