@@ -42,6 +42,17 @@ impl AtomicFile {
     }
 }
 
+/// Writes a file that appears whole or not at all.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_file(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), Error> {
+    let path = path.as_ref();
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes).map_err(|e| Error::io(path, "writing", e))?;
+    file.commit()
+}
+
 impl Write for AtomicFile {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         self.file.write(buf)

@@ -120,7 +120,7 @@ impl PoseWriter {
     }
 }
 
-fn write_error(path: &Path, error: McapError) -> Error {
+pub(super) fn write_error(path: &Path, error: McapError) -> Error {
     let source = match error {
         McapError::Io(e) => e,
         other => std::io::Error::other(other.to_string()),

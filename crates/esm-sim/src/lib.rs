@@ -1,0 +1,28 @@
+//! Worlds with truth: procedural forests, parks and streets, seen by models of real LiDARs along known paths.
+//!
+//! [`World`] makes objects tile by tile from a seed; [`Scene`] casts rays at the tiles around a sensor; [`sweep`] makes
+//! what a [`Sensor`] would measure; [`simulate`] writes whole recordings with their truth. Everything is a function of
+//! seeds and places, never of the order of work: any number of threads gives the same bits.
+//!
+//! Metres, radians, z up; f64 poses, f32 points.
+
+#![cfg_attr(not(test), warn(clippy::unwrap_used))]
+
+mod cast;
+mod error;
+mod hash;
+mod motion;
+mod noise;
+mod preset;
+mod sensor;
+mod simulate;
+mod world;
+
+pub use cast::{Hit, Ray, Scene, Shape, TileScene};
+pub use error::Error;
+pub use hash::{Draw, Key};
+pub use motion::{Drift, Path, Ride, Trajectory, drifted};
+pub use preset::{PRESETS, Preset, Tour, preset};
+pub use sensor::{Firing, Point, Scan, Sensor, SensorModel, SweepSpec, sweep};
+pub use simulate::{Progress, Summary, Tiles, simulate};
+pub use world::{Class, Object, Season, TILE_M, Visit, World, WorldKind, tile_of};

@@ -1,0 +1,151 @@
+//! Worlds: objects with a number and a class on a terrain, made tile by tile from a seed.
+
+mod building;
+mod class;
+mod forest;
+mod furniture;
+mod park;
+mod plants;
+mod terrain;
+mod tree;
+mod urban;
+mod vehicle;
+mod visit;
+
+use nalgebra::Vector3;
+
+use crate::cast::HeightGrid;
+use crate::cast::{Shape, TileScene};
+use crate::hash::Key;
+use crate::motion::Path;
+
+pub use class::Class;
+pub use visit::{Season, Visit};
+
+/// Side of a tile, metres.
+pub const TILE_M: f64 = 32.0;
+
+/// One thing of the world.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// Its number: the same in every visit, unique in the world, never 0.
+    pub id: u32,
+    /// What it is.
+    pub class: Class,
+    /// Where it stands, map frame, metres.
+    pub anchor: Vector3<f64>,
+    /// Its pieces, metres about the anchor, axes of the map frame.
+    pub shapes: Vec<Shape>,
+}
+
+/// A kind of world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WorldKind {
+    /// Woods on rolling ground with a trail that loops.
+    Forest,
+    /// A city park in a ring of facades.
+    Park,
+    /// Streets of houses.
+    Urban,
+}
+
+/// A world at one visit.
+pub struct World {
+    layout: Layout,
+}
+
+enum Layout {
+    Forest(forest::Forest),
+    Park(park::Park),
+    Urban(urban::Urban),
+}
+
+impl World {
+    /// The world of a seed at a visit, large enough for a route of `length_m` metres.
+    pub fn new(kind: WorldKind, seed: u64, length_m: f64, visit: Visit) -> Self {
+        let key = Key::new(seed).with(kind as u64);
+        let layout = match kind {
+            WorldKind::Forest => Layout::Forest(forest::Forest::new(key, length_m, visit)),
+            WorldKind::Park => Layout::Park(park::Park::new(key, length_m, visit)),
+            WorldKind::Urban => Layout::Urban(urban::Urban::new(key, length_m, visit)),
+        };
+        Self { layout }
+    }
+
+    /// The way through it that the sensor takes, `length_m` metres or a little more.
+    pub fn route(&self) -> &Path {
+        match &self.layout {
+            Layout::Forest(w) => w.route(),
+            Layout::Park(w) => w.route(),
+            Layout::Urban(w) => w.route(),
+        }
+    }
+
+    /// Height of the ground, metres.
+    pub fn height(&self, x: f64, y: f64) -> f64 {
+        match &self.layout {
+            Layout::Forest(w) => w.height(x, y),
+            Layout::Park(w) => w.height(x, y),
+            Layout::Urban(w) => w.height(x, y),
+        }
+    }
+
+    /// What the ground is made of.
+    pub fn ground(&self, x: f64, y: f64) -> Class {
+        match &self.layout {
+            Layout::Forest(w) => w.ground(x, y),
+            Layout::Park(w) => w.ground(x, y),
+            Layout::Urban(w) => w.ground(x, y),
+        }
+    }
+
+    /// The objects whose anchors lie in a tile, in a fixed order.
+    pub fn objects(&self, tile: (i32, i32)) -> Vec<Object> {
+        match &self.layout {
+            Layout::Forest(w) => w.objects(tile),
+            Layout::Park(w) => w.objects(tile),
+            Layout::Urban(w) => w.objects(tile),
+        }
+    }
+
+    /// A tile with its ground, ready for rays.
+    pub fn tile(&self, tile: (i32, i32)) -> TileScene {
+        let (x0, y0) = (f64::from(tile.0) * TILE_M, f64::from(tile.1) * TILE_M);
+        let cells = match self.layout {
+            Layout::Forest(_) => 20,
+            Layout::Park(_) | Layout::Urban(_) => 16,
+        };
+        let size = TILE_M / cells as f64;
+        // Heights are told about the ground at the corner: f32 stays exact on mountains too.
+        let origin = Vector3::new(x0, y0, self.height(x0, y0).round());
+        let mut grid = HeightGrid { cells, size: size as f32, ..HeightGrid::default() };
+        for j in 0..=cells {
+            for i in 0..=cells {
+                let (x, y) = (x0 + i as f64 * size, y0 + j as f64 * size);
+                grid.heights.push((self.height(x, y) - origin.z) as f32);
+                if i < cells && j < cells {
+                    grid.classes.push(self.ground(x + 0.5 * size, y + 0.5 * size));
+                }
+            }
+        }
+        TileScene::build(origin, &self.objects(tile), grid)
+    }
+}
+
+/// The tile a point lies in.
+pub fn tile_of(x: f64, y: f64) -> (i32, i32) {
+    ((x / TILE_M).floor() as i32, (y / TILE_M).floor() as i32)
+}
+
+/// An object's number from its place of birth: a cell of 256 x 256 about the origin, which wraps far outside of any
+/// preset, and a count below 0x8000 in it.
+fn object_id(cell: (i32, i32), count: u32) -> u32 {
+    let byte = |v: i32| (v.rem_euclid(256)).cast_unsigned();
+    (byte(cell.0) << 24) | (byte(cell.1) << 16) | ((count & 0x7FFF) + 1)
+}
+
+/// The number of what is new at a visit, from a count below 0x1FFF.
+fn new_object_id(cell: (i32, i32), visit: Visit, count: u32) -> u32 {
+    object_id(cell, 0) + 0x8000 + (u32::from(visit.number & 3) << 13) + (count & 0x1FFF) - 1
+}

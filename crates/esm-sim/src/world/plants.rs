@@ -1,0 +1,158 @@
+//! What grows and lies below the trees: bushes, ferns, saplings, logs, stumps, boulders, hedges.
+
+use nalgebra::Vector3;
+
+use super::visit::Season;
+use crate::cast::Shape;
+use crate::hash::Draw;
+
+type V = Vector3<f32>;
+
+fn around(draw: &mut Draw) -> V {
+    let turn = draw.range(0.0, std::f32::consts::TAU);
+    V::new(turn.cos(), turn.sin(), 0.0)
+}
+
+/// A bush of several interleaved shrubs: stems and clumps of unlike size.
+pub(super) fn bush(size: f32, evergreen: bool, season: Season, draw: &mut Draw) -> Vec<Shape> {
+    let leaf = if evergreen { 1.0 } else { 0.25 + 0.75 * season.broadleaf() };
+    let density = draw.range(1.2, 3.0) * leaf;
+    let mut shapes = Vec::new();
+    for _ in 0..draw.count(3, 8) {
+        let out = around(draw) * (size * 0.75 * draw.unit().sqrt());
+        let height = size * draw.range(0.5, 1.25) * (1.0 - 0.35 * out.norm() / size);
+        let width = size * draw.range(0.28, 0.5);
+        let middle = out + V::new(0.0, 0.0, 0.55 * height);
+        let up = V::new(0.25 * draw.normal(), 0.25 * draw.normal(), 1.0);
+        shapes.push(Shape::clump(middle, up, 0.55 * height, width, density * draw.range(0.6, 1.3)));
+        for _ in 0..draw.count(1, 3) {
+            let foot = out * 0.5 + around(draw) * (0.12 * size);
+            let tip = middle + V::new(draw.normal(), draw.normal(), 1.2) * (0.3 * height);
+            shapes.push(Shape::frustum(foot - V::z() * 0.2, tip, draw.range(0.008, 0.025), 0.004));
+        }
+    }
+    shapes
+}
+
+/// A patch of ferns, nettles or brambles.
+pub(super) fn undergrowth(size: f32, season: Season, draw: &mut Draw) -> Vec<Shape> {
+    let stand = season.ground_layer();
+    (0..draw.count(1, 4))
+        .map(|_| {
+            let (out, height) =
+                (around(draw) * (size * 0.6 * draw.unit()), draw.range(0.2, 0.6) * (0.4 + 0.6 * stand));
+            let up = V::new(0.1 * draw.normal(), 0.1 * draw.normal(), 1.0);
+            let width = size * draw.range(0.35, 0.6);
+            Shape::clump(out + V::z() * (0.3 * height), up, 0.7 * height, width, draw.range(0.8, 2.2) * stand)
+        })
+        .collect()
+}
+
+/// A fallen stem with stubs of branches and, at times, its upturned roots.
+pub(super) fn log(draw: &mut Draw) -> Vec<Shape> {
+    let (length, radius) = (draw.range(2.0, 9.0), draw.range(0.09, 0.28));
+    let (along, tilt) = (around(draw), draw.range(-0.08, 0.08));
+    let a = along * (-0.5 * length) + V::z() * (radius * 0.8);
+    let b = along * (0.5 * length) + V::z() * (radius * 0.6 + tilt * length);
+    let middle = (a + b) * 0.5 + V::z() * draw.range(-0.05, 0.1);
+    let mut shapes = vec![
+        Shape::frustum(a, middle, radius, 0.8 * radius),
+        Shape::frustum(middle, b, 0.8 * radius, 0.5 * radius),
+    ];
+    for _ in 0..draw.count(1, 6) {
+        let foot = a + (b - a) * draw.range(0.3, 1.0);
+        let tip = foot + (around(draw) + V::z() * draw.range(0.2, 1.3)) * draw.range(0.2, 0.9);
+        shapes.push(Shape::frustum(foot, tip, 0.2 * radius, 0.01));
+    }
+    if draw.chance(0.3) {
+        shapes.push(Shape::spheroid(a + V::z() * radius, along, 0.25, draw.range(0.5, 1.0)));
+    }
+    shapes
+}
+
+/// A stump, cut or broken.
+pub(super) fn stump(draw: &mut Draw) -> Vec<Shape> {
+    let (radius, height) = (draw.range(0.12, 0.4), draw.range(0.2, 0.9));
+    let mut shapes = vec![
+        Shape::frustum(-V::z() * 0.3, V::z() * 0.1, 1.5 * radius, 1.15 * radius),
+        Shape::frustum(V::z() * 0.08, V::z() * height, 1.12 * radius, radius),
+    ];
+    for _ in 0..draw.count(2, 5) {
+        let out = around(draw);
+        shapes.push(Shape::frustum(
+            V::z() * 0.15,
+            out * (2.0 * radius) - V::z() * 0.05,
+            0.35 * radius,
+            0.1 * radius,
+        ));
+    }
+    if draw.chance(0.35) {
+        let splinter = around(draw) * (0.5 * radius);
+        shapes.push(Shape::frustum(
+            splinter + V::z() * (height - 0.05),
+            splinter + V::z() * (1.6 * height),
+            0.4 * radius,
+            0.02,
+        ));
+    }
+    shapes
+}
+
+/// A young tree: a whip with a little foliage.
+pub(super) fn sapling(season: Season, draw: &mut Draw) -> Vec<Shape> {
+    let height = draw.range(1.2, 4.0);
+    let tip = V::new(0.12 * draw.normal(), 0.12 * draw.normal(), 1.0) * height;
+    let mut shapes = vec![Shape::frustum(-V::z() * 0.1, tip, 0.012 * height.sqrt() + 0.004, 0.004)];
+    let density = (0.3 + 0.7 * season.broadleaf()) * 0.8;
+    for _ in 0..draw.count(2, 5) {
+        let at = tip * draw.range(0.4, 1.0) + around(draw) * (0.12 * height);
+        shapes.push(Shape::clump(at, V::z(), 0.13 * height, 0.16 * height, density));
+    }
+    shapes
+}
+
+/// A boulder, partly in the ground.
+pub(super) fn rock(draw: &mut Draw) -> Vec<Shape> {
+    let size = draw.range(0.2, 0.7);
+    (0..draw.count(1, 3))
+        .map(|_| {
+            let at = around(draw) * (0.4 * size) + V::z() * (0.15 * size);
+            let axis = V::new(draw.normal(), draw.normal(), 0.6 * draw.normal());
+            Shape::spheroid(at, axis, size * draw.range(0.6, 1.0), size * draw.range(0.4, 0.7))
+        })
+        .collect()
+}
+
+/// A clipped hedge from the anchor along `yaw`: pieces of unlike height and density, with stems inside.
+pub(super) fn hedge(
+    length: f32,
+    yaw: f32,
+    height: f32,
+    width: f32,
+    growth: f32,
+    draw: &mut Draw,
+) -> Vec<Shape> {
+    let along = V::new(yaw.cos(), yaw.sin(), 0.0);
+    let mut shapes = Vec::new();
+    let mut s = 0.0;
+    while s < length {
+        let piece = draw.range(0.7, 1.8).min(length - s).max(0.2);
+        let h = height * growth * draw.range(0.9, 1.1);
+        let w = 0.5 * width * draw.range(0.85, 1.15);
+        let middle = along * (s + 0.5 * piece);
+        let body = Shape::hedge(
+            middle + V::z() * (0.5 * h),
+            V::new(0.5 * piece + 0.05, w, 0.5 * h),
+            yaw,
+            draw.range(5.0, 9.0),
+        );
+        shapes.push(body);
+        // Tufts that grow over the cut.
+        let tuft = middle
+            + V::new(-yaw.sin(), yaw.cos(), 0.0) * draw.range(-w, w)
+            + V::z() * (h * draw.range(0.6, 1.0));
+        shapes.push(Shape::clump(tuft, V::z(), 0.2 * growth, 0.3 * growth, 3.0));
+        s += piece;
+    }
+    shapes
+}

@@ -1,0 +1,6 @@
+//! The simulator against oracles, its own truth, and the readers of recordings.
+#![allow(missing_docs, clippy::unwrap_used)] // Helpers of tests unwrap too.
+
+mod casting;
+mod recordings;
+mod worlds;
