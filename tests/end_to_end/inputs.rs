@@ -161,7 +161,8 @@ fn a_map_needs_to_know_where_the_scans_were_taken() {
     assert!(ran.stderr.starts_with(&silent), "{}", ran.stderr);
     let few = dir.path().join("few.txt");
     fs::write(&few, "1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap();
-    esm!["map", "build", TOWN.path("scans"), "--poses", few, "-o", map].failed(&["few.txt", "1 lines for 171 scans"]);
+    esm!["map", "build", TOWN.path("scans"), "--poses", few, "-o", map]
+        .failed(&["few.txt", "1 lines for 171 scans"]);
     let yesterday = dir.path().join("yesterday.tum");
     fs::write(&yesterday, "1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n").unwrap();
     esm!["map", "build", TOWN.path("silent.mcap"), "--poses", yesterday, "-o", map]
