@@ -27,7 +27,7 @@ impl Default for Drift {
 }
 
 /// What odometry makes of true poses: it starts at identity, and every step's length and turn are off by a rate that
-/// follows a Gauss-Markov process over the distance. The RMS after [`REFERENCE_M`] is that of [`Drift`]: the integral of
+/// follows a Gauss-Markov process over the distance. The RMS after 100 m is that of [`Drift`]: the integral of
 /// such a rate of deviation s over D has the variance 2 s^2 L (D - L (1 - exp(-D / L))).
 pub fn drifted(poses_map_sensor: &[Pose], drift: Drift, key: Key) -> Vec<Pose> {
     let (l, d) = (CORRELATION_M, REFERENCE_M);
