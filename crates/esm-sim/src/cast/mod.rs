@@ -1,10 +1,11 @@
-//! Ray casting: shapes, the BVH of a tile, and the scene of tiles around the sensor.
+//! Ray casting: shapes, the ground and the BVH of a tile, and the scene of tiles around the sensor.
 
+mod ground;
 mod scene;
 mod shape;
 mod tile;
 
+pub(crate) use ground::Ground;
 pub use scene::Scene;
 pub use shape::{Ray, Shape};
-pub(crate) use tile::HeightGrid;
 pub use tile::{Hit, TileScene};

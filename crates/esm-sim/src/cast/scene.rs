@@ -8,8 +8,9 @@ use parry3d::bounding_volume::Aabb;
 use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 
+use super::ground::Ground;
 use super::shape::{Ray, Shape};
-use super::tile::{HeightGrid, Hit, TileScene};
+use super::tile::{Hit, TileScene};
 use crate::world::{Class, Object};
 
 /// Tiles that rays are cast at together. Rays are told about `origin`, a point of the world near the sensor.
@@ -25,7 +26,7 @@ impl Scene {
         let tiles: Vec<_> =
             tiles.into_iter().filter(|t| !t.is_empty()).map(|t| (t.clone(), t.offset(origin))).collect();
         let boxes: Vec<Aabb> = tiles.iter().map(|(t, _)| t.bounds_about(origin)).collect();
-        Self { origin, bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes), tiles }
+        Self { origin, bvh: Bvh::from_leaves(BvhBuildStrategy::Ploc, &boxes), tiles }
     }
 
     /// A scene of loose shapes, each an object of its own, numbered from 1.
@@ -49,7 +50,7 @@ impl Scene {
         let objects: Vec<Object> = shapes.iter().enumerate().map(object).collect();
         Self::new(
             Vector3::zeros(),
-            [Arc::new(TileScene::build(Vector3::zeros(), &objects, HeightGrid::default()))],
+            [Arc::new(TileScene::build(Vector3::zeros(), &objects, Ground::default()))],
         )
     }
 

@@ -111,13 +111,13 @@ fn measure(
     let up = side.cross(&along);
     let spot = |u: f32, v: f32| along + (side * u + up * v) * (0.5 * sensor.divergence_rad);
     let dir = spot(draw.range(-0.6, 0.6), draw.range(-0.6, 0.6));
-    let mut hit = cast(sensor, scene, origin, dir, key.with(1))?;
+    let mut hit = cast(scene, origin, dir, sensor.max_range_m + 1.0, key.with(1))?;
     let mut range = hit.distance;
-    // Open ground has no edges: looking twice there would cost much and change nothing.
+    // Open ground has no edges, and what lies farther behind than a pulse changes nothing: looking there would cost much.
     if mixed < MIXED_SHARE
         && hit.object_id != 0
-        && let Some(other) =
-            cast(sensor, scene, origin, spot(draw.range(-1.0, 1.0), draw.range(-1.0, 1.0)), key.with(2))
+        && let dir = spot(draw.range(-1.0, 1.0), draw.range(-1.0, 1.0))
+        && let Some(other) = cast(scene, origin, dir, range + PULSE_M, key.with(2))
     {
         let (near, far) = if other.distance < range { (other, hit) } else { (hit, other) };
         // Apart, the nearer return wins or loses as a whole; together they melt into one in between.
@@ -139,9 +139,9 @@ fn measure(
     valid.then_some((hit, range))
 }
 
-fn cast(sensor: &Sensor, scene: &Scene, origin: Vector3<f32>, dir: Vector3<f32>, key: Key) -> Option<Hit> {
+fn cast(scene: &Scene, origin: Vector3<f32>, dir: Vector3<f32>, limit: f32, key: Key) -> Option<Hit> {
     let ray = Ray::try_new(origin, dir, key)?;
-    let mut hit = scene.cast(&ray, sensor.max_range_m + 1.0)?;
+    let mut hit = scene.cast(&ray, limit)?;
     let cover = hit.class.cover();
     if hit.object_id == 0 && cover > 0.0 {
         // Blades and leaves stop the beam a little before the soil, farther before it where it grazes.

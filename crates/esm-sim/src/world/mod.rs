@@ -14,8 +14,7 @@ mod visit;
 
 use nalgebra::Vector3;
 
-use crate::cast::HeightGrid;
-use crate::cast::{Shape, TileScene};
+use crate::cast::{Ground, Shape, TileScene};
 use crate::hash::Key;
 use crate::motion::Path;
 
@@ -119,17 +118,18 @@ impl World {
         let size = TILE_M / cells as f64;
         // Heights are told about the ground at the corner: f32 stays exact on mountains too.
         let origin = Vector3::new(x0, y0, self.height(x0, y0).round());
-        let mut grid = HeightGrid { cells, size: size as f32, ..HeightGrid::default() };
+        let (mut heights, mut classes) = (Vec::new(), Vec::new());
         for j in 0..=cells {
             for i in 0..=cells {
                 let (x, y) = (x0 + i as f64 * size, y0 + j as f64 * size);
-                grid.heights.push((self.height(x, y) - origin.z) as f32);
+                heights.push((self.height(x, y) - origin.z) as f32);
                 if i < cells && j < cells {
-                    grid.classes.push(self.ground(x + 0.5 * size, y + 0.5 * size));
+                    classes.push(self.ground(x + 0.5 * size, y + 0.5 * size));
                 }
             }
         }
-        TileScene::build(origin, &self.objects(tile), grid)
+        let ground = Ground::new(cells, size as f32, heights, classes);
+        TileScene::build(origin, &self.objects(tile), ground)
     }
 }
 
