@@ -56,6 +56,16 @@ pub enum Error {
         /// What to do.
         hint: &'static str,
     },
+    /// A file of network weights is damaged or belongs to another network.
+    #[error("{}: {what}\nhint: {hint}", path.display())]
+    WeightsFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and where (header key, tensor, number).
+        what: String,
+        /// What to do.
+        hint: &'static str,
+    },
     /// The operating system refused a file operation.
     #[error("{}: {doing}: {source}", path.display())]
     Io {

@@ -40,9 +40,11 @@ pub trait Descriptor: Send + Sync {
 
 mod eigen;
 mod shape;
+mod xconv;
 
 pub use eigen::Eigen;
 pub use shape::Shape;
+pub use xconv::XConv;
 
 /// The descriptors by name, the default first.
 pub const NAMES: [&str; 2] = ["shape", "eigen"];

@@ -41,14 +41,23 @@ impl Descriptor for Shape {
         rows(SHAPE_DIM, segments, |segment, row| {
             let values = eigenvalues(segment);
             row[..EIGEN_DIM].copy_from_slice(&features(values));
-            let [long, wide] = horizontal_extents(segment);
-            let height = (segment.max[2] - segment.min[2]) as f64;
-            let lengths = [values[0].sqrt(), values[1].sqrt(), values[2].sqrt(), height, long, wide];
-            for (out, length) in row[EIGEN_DIM..].iter_mut().zip(lengths) {
-                *out = (length + LENGTH_FLOOR).ln() as f32;
+            for (out, size) in row[EIGEN_DIM..].iter_mut().zip(log_lengths(segment, values)) {
+                *out = size as f32;
             }
         })
     }
+}
+
+/// The 6 log sizes of a segment: deviations along the principal axes (longest first), height, horizontal extents.
+pub(super) fn log_sizes(segment: &Segment) -> [f64; 6] {
+    log_lengths(segment, eigenvalues(segment))
+}
+
+fn log_lengths(segment: &Segment, eigenvalues: [f64; 3]) -> [f64; 6] {
+    let [long, wide] = horizontal_extents(segment);
+    let height = (segment.max[2] - segment.min[2]) as f64;
+    let [a, b, c] = eigenvalues.map(f64::sqrt);
+    [a, b, c, height, long, wide].map(|length| (length + LENGTH_FLOOR).ln())
 }
 
 /// Extents in metres along the principal axes of the points' ground projection, longer first.

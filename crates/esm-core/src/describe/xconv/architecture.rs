@@ -1,0 +1,123 @@
+//! The layer table of the network (paper, section III; the channels give its 300 thousand parameters).
+
+/// Points a segment is sampled to.
+pub(super) const INPUT_POINTS: usize = 256;
+
+/// Number of X-conv layers.
+pub(super) const LAYERS: usize = 4;
+
+/// One X-conv layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Layer {
+    /// Neighbours of a point.
+    pub(super) neighbours: usize,
+    /// Of the nearest points every `dilation`-th is a neighbour.
+    pub(super) dilation: usize,
+    /// Channels a neighbour's coordinates are lifted to.
+    pub(super) lift: usize,
+    /// Channels of the layer before.
+    pub(super) previous: usize,
+    /// Outputs a channel of the depthwise convolution.
+    pub(super) multiplier: usize,
+    /// Channels that leave the layer.
+    pub(super) channels: usize,
+}
+
+/// The four layers.
+pub(super) const LAYER_TABLE: [Layer; LAYERS] = {
+    const fn layer(
+        neighbours: usize,
+        dilation: usize,
+        lift: usize,
+        previous: usize,
+        multiplier: usize,
+        channels: usize,
+    ) -> Layer {
+        Layer { neighbours, dilation, lift, previous, multiplier, channels }
+    }
+    [
+        layer(8, 1, 16, 0, 4, 32),
+        layer(12, 3, 8, 32, 2, 64),
+        layer(16, 3, 16, 64, 2, 128),
+        layer(16, 4, 32, 128, 2, 256),
+    ]
+};
+
+/// Channels of the global branch.
+pub(super) const GLOBAL: usize = 64;
+/// Outputs of the first fully connected layer.
+pub(super) const FC1: usize = 256;
+/// Outputs of the second.
+pub(super) const FC2: usize = 128;
+
+impl Layer {
+    /// Points among which the neighbours are found.
+    pub(super) fn reach(&self) -> usize {
+        self.neighbours * self.dilation
+    }
+}
+
+/// Points that each layer keeps: the first ones of the layer before, a uniform sample because their order is random.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PointPlan(pub(super) [usize; LAYERS]);
+
+impl PointPlan {
+    /// Points a layer looks for neighbours among.
+    pub(super) fn sources(&self, layer: usize) -> usize {
+        if layer == 0 { INPUT_POINTS } else { self.0[layer - 1] }
+    }
+
+    /// What is wrong with it, if anything.
+    pub(super) fn flaw(&self) -> Option<String> {
+        for (n, layer) in LAYER_TABLE.iter().enumerate() {
+            let (kept, sources) = (self.0[n], self.sources(n));
+            if kept == 0 || kept > sources {
+                return Some(format!("layer {} keeps {kept} of {sources} points", n + 1));
+            }
+            if layer.reach() > sources {
+                let reach = layer.reach();
+                return Some(format!("layer {} needs the {reach} nearest of {sources} points", n + 1));
+            }
+        }
+        None
+    }
+
+    /// Multiply-adds for one segment, activations and neighbour search not counted.
+    pub(super) fn multiply_adds(&self, learned: usize) -> usize {
+        let layers = LAYER_TABLE.iter().zip(self.0).map(|(layer, points)| {
+            let k = layer.neighbours;
+            let cin = layer.lift + layer.previous;
+            let lift = k * (3 * layer.lift + layer.lift * layer.lift);
+            let transform = 3 * k * k * k + 2 * k * k * k;
+            let mixed = k * k * cin;
+            let separable = k * cin * layer.multiplier + cin * layer.multiplier * layer.channels;
+            points * (lift + transform + mixed + separable)
+        });
+        let head = 3 * GLOBAL + GLOBAL * GLOBAL + (GLOBAL + LAYER_TABLE[3].channels) * FC1 + FC1 * FC2;
+        layers.sum::<usize>() + self.0[LAYERS - 1] * head + FC2 * learned
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The figures the reference calculates for the full network and for inner down-sampling.
+    #[test]
+    fn multiply_adds_are_those_of_the_reference() {
+        let millions = |plan| (PointPlan(plan).multiply_adds(16) as f64 / 1e4).round() / 100.0;
+        assert_eq!(millions([256; 4]), 98.40);
+        assert_eq!((millions([256, 256, 120, 120]) * 10.0).round() / 10.0, 50.2);
+        assert_eq!((millions([256, 128, 64, 64]) * 10.0).round() / 10.0, 27.6);
+        assert_eq!((millions([256, 96, 64, 48]) * 10.0).round() / 10.0, 22.4);
+        assert_eq!((millions([128, 64, 64, 48]) * 10.0).round() / 10.0, 20.6);
+    }
+
+    #[test]
+    fn plans_without_enough_points_have_a_flaw() {
+        assert_eq!(PointPlan([256, 96, 64, 48]).flaw(), None);
+        assert!(PointPlan([256, 96, 32, 32]).flaw().is_some_and(|f| f.contains("layer 4")));
+        assert!(PointPlan([256, 300, 64, 64]).flaw().is_some_and(|f| f.contains("layer 2")));
+        assert!(PointPlan([256, 128, 64, 0]).flaw().is_some());
+    }
+}

@@ -1,0 +1,424 @@
+//! The network with its weights packed, and the pass of one segment through it.
+//!
+//! Batch norms fold exactly into the next linear step where nothing stands between: after the first lifting layer, inside
+//! the X branch, and between the fully connected layers. Those of the lifted and the previous features do not, because the
+//! X-transform of the input comes next; they are applied once a point.
+
+use pulp::Arch;
+
+use super::architecture::{FC1, FC2, GLOBAL, INPUT_POINTS, LAYER_TABLE, LAYERS, Layer};
+use super::neighbours::Search;
+use super::simd::{
+    Columns, ColumnsWeights, Mix, MixPart, MixWeights, Rows, RowsWeights, lanes, padded, registers,
+};
+use super::weights::{Header, Weights};
+use crate::error::Error;
+
+/// Points that go through a layer together: what they need stays in the second level of cache.
+const BLOCK: usize = 64;
+
+/// Row-major matrix times a diagonal from the left: batch norm's scale folded into the layer after it.
+fn scaled(matrix: &[f64], scale: &[f64]) -> Vec<f64> {
+    let columns = matrix.len() / scale.len();
+    let rows = matrix.chunks_exact(columns).zip(scale);
+    rows.flat_map(|(row, s)| row.iter().map(move |v| v * s)).collect()
+}
+
+/// A row of numbers times a row-major matrix: batch norm's shift folded into the layer after it.
+fn through(shift: &[f64], matrix: &[f64]) -> Vec<f64> {
+    let columns = matrix.len() / shift.len();
+    let mut out = vec![0.0; columns];
+    for (row, s) in matrix.chunks_exact(columns).zip(shift) {
+        out.iter_mut().zip(row).for_each(|(o, v)| *o += s * v);
+    }
+    out
+}
+
+/// The weights of one X-conv layer.
+struct XConv {
+    lift: [RowsWeights; 2],
+    transform: [ColumnsWeights; 3],
+    mix: MixWeights,
+    pointwise: RowsWeights,
+}
+
+impl XConv {
+    fn take(weights: &mut Weights<'_>, n: usize, layer: &Layer, arch: Arch) -> Result<Self, Error> {
+        let width = lanes(arch);
+        let at = |name: &str| format!("xconv{}.{name}", n + 1);
+        let Layer { neighbours: k, lift: cd, previous, multiplier: m, channels, .. } = *layer;
+        let cin = cd + previous;
+
+        let lift1 = weights.take(&at("lift1.weight"), &[3, cd])?;
+        let [scale1, shift1] = weights.norm(&at("lift1"), cd)?;
+        let lift2 = weights.take(&at("lift2.weight"), &[cd, cd])?;
+        let [scale2, shift2] = weights.norm(&at("lift2"), cd)?;
+        let (none, one) = (vec![0.0; cd], vec![1.0; cd]);
+        let lift = [
+            RowsWeights::pack(&lift1, cd, [&none, &one, &none], width),
+            RowsWeights::pack(
+                &scaled(&lift2, &scale1),
+                cd,
+                [&through(&shift1, &lift2), &scale2, &shift2],
+                width,
+            ),
+        ];
+
+        let x0 = weights.take(&at("x0.weight"), &[3 * k, k * k])?;
+        let [scale0, shift0] = weights.norm(&at("x0"), k * k)?;
+        let x1 = weights.take(&at("x1.weight"), &[k, k, k])?;
+        let [scale1, shift1] = weights.norm(&at("x1"), k * k)?;
+        let x2 = weights.take(&at("x2.weight"), &[k, k, k])?;
+        let [scale2, shift2] = weights.norm(&at("x2"), k * k)?;
+        // X0[i][j] is channel i k + j, and x1 is indexed [i][j][q]; X1[j][q] is channel j k + q, and x2 [j][q][r].
+        let sum = |shift: &[f64], matrix: &[f64], out: usize| -> f64 {
+            (0..k).map(|i| shift[i * k + out / k] * matrix[i * k * k + out]).sum()
+        };
+        let bias1: Vec<f64> = (0..k * k).map(|out| sum(&shift0, &x1, out)).collect();
+        let bias2: Vec<f64> =
+            (0..k * k).map(|out| sum(&shift1, &x2, out) * scale2[out] + shift2[out]).collect();
+        let transform = [
+            ColumnsWeights::pack([1, 3 * k, k * k], [1, 0], true, &vec![0.0; k * k], |_, i, out| {
+                x0[i * k * k + out]
+            }),
+            ColumnsWeights::pack([k, k, k], [k, 1], true, &bias1, |j, i, q| {
+                scale0[i * k + j] * x1[(i * k + j) * k + q]
+            }),
+            ColumnsWeights::pack([k, k, k], [k, 1], false, &bias2, |q, j, r| {
+                scale1[j * k + q] * x2[(j * k + q) * k + r] * scale2[q * k + r]
+            }),
+        ];
+
+        let depthwise = weights.take(&at("depthwise.weight"), &[k, cin, m])?;
+        let mix = MixWeights::pack(k, m, [cd, previous], [width, registers(arch)], |k, c, q| {
+            depthwise[(k * cin + c) * m + q]
+        });
+        let flat = weights.take(&at("pointwise.weight"), &[cin * m, channels])?;
+        let [scale, shift] = weights.norm(&at("pointwise"), channels)?;
+        // Rows in the order in which the mixing leaves its channels, with zeros where those are padded.
+        let mut pointwise = vec![0.0; mix.outputs() * channels];
+        for (row, out) in pointwise.chunks_exact_mut(channels).enumerate() {
+            let (q, c) = (row / (mix.widths[0] + mix.widths[1]), row % (mix.widths[0] + mix.widths[1]));
+            let true_channel = match c.checked_sub(mix.widths[0]) {
+                None if c < cd => c,
+                Some(c) if c < previous => cd + c,
+                _ => continue,
+            };
+            out.copy_from_slice(&flat[(true_channel * m + q) * channels..][..channels]);
+        }
+        let none = vec![0.0; channels];
+        let pointwise = RowsWeights::pack(&pointwise, channels, [&none, &scale, &shift], width);
+        Ok(Self { lift, transform, mix, pointwise })
+    }
+}
+
+/// What the pass of a segment needs in memory; made once, used for segment after segment.
+pub(super) struct Workspace {
+    pub(super) search: Search,
+    pub(super) order: Vec<u32>,
+    pub(super) points: Vec<[f32; 3]>,
+    pub(super) lists: [Vec<u16>; LAYERS],
+    local_rows: Vec<f32>,
+    local_columns: Vec<f32>,
+    lifted: [Vec<f32>; 2],
+    transforms: [Vec<f32>; 2],
+    mixed: Vec<f32>,
+    /// Features of the points of each layer; those of the last stand beside the global branch.
+    pub(super) features: [Vec<f32>; LAYERS],
+    coordinates: Vec<f32>,
+    global: Vec<f32>,
+    fc1: Vec<f32>,
+    fc2: Vec<f32>,
+    bias: Vec<f32>,
+}
+
+/// One network, ready to run.
+pub(super) struct Network {
+    arch: Arch,
+    pub(super) header: Header,
+    layers: [XConv; LAYERS],
+    global: [RowsWeights; 2],
+    fc1: RowsWeights,
+    fc2: RowsWeights,
+    /// 128 x learned, row-major, with the batch norm before it folded in, and the bias.
+    fc3: [Vec<f64>; 2],
+    /// Mean, one over deviation; weight beside the learned numbers; rows for the first fully connected layer.
+    size_mean: Vec<f64>,
+    size_gain: Vec<f64>,
+    size_weight: Vec<f64>,
+    size_rows: Vec<f64>,
+    quality: [Vec<f64>; 2],
+}
+
+/// Pitch of the rows that the fully connected layers read: the global branch, then the last X-conv.
+pub(super) const HEAD: usize = GLOBAL + 256;
+
+impl Network {
+    /// Takes all tensors of a file, checks them, packs them for a processor.
+    pub(super) fn load(mut weights: Weights<'_>, arch: Arch) -> Result<Self, Error> {
+        let width = lanes(arch);
+        let header = weights.header.clone();
+        let mut layers = Vec::with_capacity(LAYERS);
+        for (n, layer) in LAYER_TABLE.iter().enumerate() {
+            layers.push(XConv::take(&mut weights, n, layer, arch)?);
+        }
+        let layers = layers.try_into().map_err(|_| weights.flaw("layers are missing"))?;
+
+        let global1 = weights.take("global1.weight", &[3, GLOBAL])?;
+        let [scale1, shift1] = weights.norm("global1", GLOBAL)?;
+        let global2 = weights.take("global2.weight", &[GLOBAL, GLOBAL])?;
+        let [scale2, shift2] = weights.norm("global2", GLOBAL)?;
+        let (none, one) = (vec![0.0; FC1], vec![1.0; FC1]);
+        let global = [
+            RowsWeights::pack(&global1, GLOBAL, [&none[..GLOBAL], &one[..GLOBAL], &none[..GLOBAL]], width),
+            RowsWeights::pack(
+                &scaled(&global2, &scale1),
+                GLOBAL,
+                [&through(&shift1, &global2), &scale2, &shift2],
+                width,
+            ),
+        ];
+        let fc1 = weights.take("fc1.weight", &[HEAD, FC1])?;
+        let [scale1, shift1] = weights.norm("fc1", FC1)?;
+        let fc2 = weights.take("fc2.weight", &[FC1, FC2])?;
+        let [scale2, shift2] = weights.norm("fc2", FC2)?;
+        let fc3 = weights.take("fc3.weight", &[FC2, header.learned])?;
+        let mut bias = weights.take("fc3.bias", &[header.learned])?;
+        bias.iter_mut().zip(through(&shift2, &fc3)).for_each(|(b, s)| *b += s);
+        let fc3 = [scaled(&fc3, &scale2), bias];
+        let fc2 = RowsWeights::pack(
+            &scaled(&fc2, &scale1),
+            FC2,
+            [&through(&shift1, &fc2), &one[..FC2], &none[..FC2]],
+            width,
+        );
+        let fc1 = RowsWeights::pack(&fc1, FC1, [&none, &one, &none], width);
+
+        let s = header.size_features;
+        let (mut size_mean, mut size_gain, mut size_weight, mut size_rows) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        if s > 0 {
+            size_mean = weights.take("size.mean", &[s])?;
+            size_gain = weights.take("size.std", &[s])?;
+            if size_gain.iter().any(|d| *d <= 0.0) {
+                return Err(weights.flaw("tensor size.std must be above 0"));
+            }
+            size_gain.iter_mut().for_each(|d| *d = 1.0 / *d);
+        }
+        if header.sizes.beside {
+            size_weight = weights.take("size.weight", &[s])?;
+        }
+        if header.sizes.connected {
+            size_rows = weights.take("fc1.size_weight", &[s, FC1])?;
+        }
+        let quality =
+            [weights.take("quality.weight", &[header.dim, 2])?, weights.take("quality.bias", &[2])?];
+        weights.finish()?;
+        Ok(Self {
+            arch,
+            header,
+            layers,
+            global,
+            fc1,
+            fc2,
+            fc3,
+            size_mean,
+            size_gain,
+            size_weight,
+            size_rows,
+            quality,
+        })
+    }
+
+    pub(super) fn workspace(&self) -> Workspace {
+        let width = lanes(self.arch);
+        let most = |of: &dyn Fn(&Layer) -> usize| LAYER_TABLE.iter().map(of).max().unwrap_or(0);
+        let k = most(&|l| l.neighbours);
+        let lift = most(&|l| padded(l.lift, width));
+        let mixed = self.layers.iter().map(|l| l.mix.outputs()).max().unwrap_or(0);
+        let zeros = |n: usize| vec![0.0; n];
+        Workspace {
+            search: Search::new(),
+            order: Vec::new(),
+            points: Vec::with_capacity(INPUT_POINTS),
+            lists: Default::default(),
+            local_rows: zeros(BLOCK * k * 3),
+            local_columns: zeros(BLOCK * k * 3),
+            lifted: [zeros(BLOCK * k * lift), zeros(BLOCK * k * lift)],
+            transforms: [zeros(BLOCK * k * k), zeros(BLOCK * k * k)],
+            mixed: zeros(BLOCK * mixed),
+            features: std::array::from_fn(|l| {
+                let pitch = if l == LAYERS - 1 { HEAD } else { LAYER_TABLE[l].channels };
+                zeros(INPUT_POINTS * pitch)
+            }),
+            coordinates: zeros(BLOCK * 3),
+            global: zeros(BLOCK * GLOBAL),
+            fc1: zeros(BLOCK * FC1),
+            fc2: zeros(BLOCK * FC2),
+            bias: Vec::with_capacity(FC1),
+        }
+    }
+
+    /// Describes the 256 normalised points in the workspace. `sizes` are the metric sizes as the header lists them, NaN
+    /// where unknown. Fills the descriptor and returns the quality.
+    pub(super) fn describe(&self, w: &mut Workspace, sizes: &[f64], out: &mut [f32]) -> f32 {
+        w.search.lists(&w.points, &self.header.plan, &mut w.lists);
+        for layer in 0..LAYERS {
+            self.xconv(layer, w);
+        }
+        // Sizes in units of their deviation; what is not known is the mean.
+        let sizes = sizes.iter().zip(&self.size_mean).zip(&self.size_gain);
+        let z = sizes.map(|((s, mean), gain)| if s.is_finite() { (s - mean) * gain } else { 0.0 });
+        let mean = self.head(w, z.clone());
+        let [fc3, bias] = &self.fc3;
+        let learned = self.header.learned;
+        for (n, out) in out[..learned].iter_mut().enumerate() {
+            let sum: f64 = mean.iter().zip(fc3[n..].iter().step_by(learned)).map(|(m, w)| m * w).sum();
+            *out = (sum + bias[n]) as f32;
+        }
+        for ((out, z), weight) in out[learned..].iter_mut().zip(z).zip(&self.size_weight) {
+            *out = (z * weight) as f32;
+        }
+        let [weight, bias] = &self.quality;
+        let logit = |n: usize| {
+            let sum: f64 =
+                out.iter().zip(weight[n..].iter().step_by(2)).map(|(d, w)| f64::from(*d) * w).sum();
+            (sum + bias[n]) / self.header.temperature
+        };
+        (1.0 / (1.0 + (logit(0) - logit(1)).exp())) as f32
+    }
+
+    /// One X-conv layer, block by block.
+    fn xconv(&self, n: usize, w: &mut Workspace) {
+        let (layer, weights) = (&LAYER_TABLE[n], &self.layers[n]);
+        let k = layer.neighbours;
+        let last = n == LAYERS - 1;
+        let (before, rest) = w.features.split_at_mut(n);
+        let previous: &[f32] = before.last().map_or(&[], Vec::as_slice);
+        let (pitch, start) = if last { (HEAD, GLOBAL) } else { (layer.channels, 0) };
+        let kept = self.header.plan.0[n];
+        for first in (0..kept).step_by(BLOCK) {
+            let count = BLOCK.min(kept - first);
+            // Whole vectors of points; what lies beyond the last point is computed and not read.
+            let wide = padded(count, lanes(self.arch));
+            let list = &w.lists[n][first * k..(first + count) * k];
+            for (p, near) in list.chunks_exact(k).enumerate() {
+                let query = w.points[first + p];
+                for (j, index) in near.iter().enumerate() {
+                    let point = w.points[usize::from(*index)];
+                    for a in 0..3 {
+                        let local = point[a] - query[a];
+                        w.local_rows[(p * k + j) * 3 + a] = local;
+                        w.local_columns[(j * 3 + a) * wide + p] = local;
+                    }
+                }
+            }
+            let [lifted1, lifted2] = &mut w.lifted;
+            let [lift1, lift2] = &weights.lift;
+            let width = lift1.outputs;
+            self.arch.dispatch(Rows {
+                weights: lift1,
+                bias: &lift1.bias,
+                input: &w.local_rows,
+                input_pitch: 3,
+                output: lifted1,
+                output_pitch: width,
+                count: count * k,
+            });
+            self.arch.dispatch(Rows {
+                weights: lift2,
+                bias: &lift2.bias,
+                input: lifted1,
+                input_pitch: width,
+                output: lifted2,
+                output_pitch: width,
+                count: count * k,
+            });
+            let [a, b] = &mut w.transforms;
+            let [x0, x1, x2] = &weights.transform;
+            self.arch.dispatch(Columns { weights: x0, input: &w.local_columns, output: a, points: wide });
+            self.arch.dispatch(Columns { weights: x1, input: a, output: b, points: wide });
+            self.arch.dispatch(Columns { weights: x2, input: b, output: a, points: wide });
+            self.arch.dispatch(Mix {
+                weights: &weights.mix,
+                transform: a,
+                pitch: wide,
+                parts: [
+                    MixPart { table: lifted2, rows: None },
+                    MixPart { table: previous, rows: Some(list) },
+                ],
+                output: &mut w.mixed,
+                count,
+            });
+            self.arch.dispatch(Rows {
+                weights: &weights.pointwise,
+                bias: &weights.pointwise.bias,
+                input: &w.mixed,
+                input_pitch: weights.mix.outputs(),
+                output: &mut rest[0][first * pitch + start..],
+                output_pitch: pitch,
+                count,
+            });
+        }
+    }
+
+    /// The global branch and the fully connected layers; returns the mean over the points of what leaves the second one,
+    /// before its batch norm.
+    fn head(&self, w: &mut Workspace, z: impl Iterator<Item = f64>) -> [f64; FC2] {
+        let kept = self.header.plan.0[LAYERS - 1];
+        w.bias.clear();
+        w.bias.extend_from_slice(&self.fc1.bias);
+        for (row, z) in self.size_rows.chunks_exact(FC1).zip(z) {
+            w.bias.iter_mut().zip(row).for_each(|(b, r)| *b += (z * r) as f32);
+        }
+        let mut mean = [0f64; FC2];
+        let head = &mut w.features[LAYERS - 1];
+        for first in (0..kept).step_by(BLOCK) {
+            let count = BLOCK.min(kept - first);
+            for (out, p) in w.coordinates.chunks_exact_mut(3).zip(&w.points[first..first + count]) {
+                out.copy_from_slice(p);
+            }
+            let [global1, global2] = &self.global;
+            self.arch.dispatch(Rows {
+                weights: global1,
+                bias: &global1.bias,
+                input: &w.coordinates,
+                input_pitch: 3,
+                output: &mut w.global,
+                output_pitch: GLOBAL,
+                count,
+            });
+            self.arch.dispatch(Rows {
+                weights: global2,
+                bias: &global2.bias,
+                input: &w.global,
+                input_pitch: GLOBAL,
+                output: &mut head[first * HEAD..],
+                output_pitch: HEAD,
+                count,
+            });
+            self.arch.dispatch(Rows {
+                weights: &self.fc1,
+                bias: &w.bias,
+                input: &head[first * HEAD..],
+                input_pitch: HEAD,
+                output: &mut w.fc1,
+                output_pitch: FC1,
+                count,
+            });
+            self.arch.dispatch(Rows {
+                weights: &self.fc2,
+                bias: &self.fc2.bias,
+                input: &w.fc1,
+                input_pitch: FC1,
+                output: &mut w.fc2,
+                output_pitch: FC2,
+                count,
+            });
+            for row in w.fc2.chunks_exact(FC2).take(count) {
+                mean.iter_mut().zip(row).for_each(|(m, v)| *m += f64::from(*v));
+            }
+        }
+        mean.map(|m| m / kept as f64)
+    }
+}

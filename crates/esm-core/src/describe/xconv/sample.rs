@@ -1,0 +1,149 @@
+//! From a segment to the network's input: 256 points, zero mean, unit variance (paper, section III).
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use super::architecture::INPUT_POINTS;
+use crate::segment::Segment;
+
+/// Floor of the standard deviation, metres.
+const LEAST_SIGMA: f64 = 1e-3;
+
+/// The 256 sampled points, normalised. The same points in the same order give the same sample, wherever the segment stands
+/// in its batch and whatever the seed of anything else. `order` is working memory.
+pub(super) fn sample(segment: &Segment, order: &mut Vec<u32>, out: &mut Vec<[f32; 3]>) {
+    let points = &segment.points;
+    out.clear();
+    if points.is_empty() {
+        out.resize(INPUT_POINTS, [0.0; 3]);
+        return;
+    }
+    draw(points.len(), hash(points), order);
+    out.extend(order[..INPUT_POINTS].iter().map(|n| points[*n as usize]));
+    normalise(out);
+}
+
+/// Draws 256 of `n` > 0 points without replacement (Fisher and Yates); of fewer, each once in random order, and then some
+/// again. The first entries of `order` are the answer.
+fn draw(n: usize, seed: u64, order: &mut Vec<u32>) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    order.clear();
+    order.extend(0..n as u32);
+    for place in 0..n.min(INPUT_POINTS) {
+        order.swap(place, place + below(&mut random, n - place));
+    }
+    while order.len() < INPUT_POINTS {
+        let again = order[below(&mut random, n)];
+        order.push(again);
+    }
+}
+
+/// Takes the mean off and divides by the standard deviation over all coordinates, so that proportions stay.
+pub(super) fn normalise(points: &mut [[f32; 3]]) {
+    let n = points.len().max(1) as f64;
+    let mut mean = [0f64; 3];
+    for p in points.iter() {
+        mean.iter_mut().zip(p).for_each(|(m, v)| *m += f64::from(*v));
+    }
+    let mean = mean.map(|m| m / n);
+    let squares = |p: &[f32; 3]| (0..3).map(|a| (f64::from(p[a]) - mean[a]).powi(2)).sum::<f64>();
+    let sigma = (points.iter().map(squares).sum::<f64>() / (3.0 * n)).sqrt().max(LEAST_SIGMA);
+    for p in points.iter_mut() {
+        *p = std::array::from_fn(|a| ((f64::from(p[a]) - mean[a]) / sigma) as f32);
+    }
+}
+
+/// The generator's seed: FNV-1a over the little-endian bits of the points relative to the first one, rounded to 1/64 m, so that
+/// a segment that stands elsewhere in its frame gives the same sample.
+fn hash(points: &[[f32; 3]]) -> u64 {
+    let Some(first) = points.first() else { return 0 };
+    let mut hash = 0xCBF2_9CE4_8422_2325u64;
+    for p in points {
+        for a in 0..3 {
+            let step = ((p[a] - first[a]) * 64.0).round() as i32;
+            for byte in step.to_le_bytes() {
+                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3);
+            }
+        }
+    }
+    hash
+}
+
+/// Uniform in 0..n, n > 0 (Lemire, "Fast random integer generation in an interval", 2019, without the rejection: the bias
+/// is below n / 2^64).
+fn below(random: &mut ChaCha8Rng, n: usize) -> usize {
+    ((u128::from(random.next_u64()) * n as u128) >> 64) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    fn cloud(n: usize) -> Segment {
+        let point =
+            |i: usize| [(i % 17) as f32 * 0.2, (i / 17 % 13) as f32 * 0.2, (i / 221) as f32 * 0.2 + 40.0];
+        Segment::from_points((0..n).map(point).collect()).unwrap()
+    }
+
+    fn bits(points: &[[f32; 3]]) -> Vec<[u32; 3]> {
+        points.iter().map(|p| p.map(f32::to_bits)).collect()
+    }
+
+    #[test]
+    fn large_segments_give_256_different_points_and_small_ones_each_once() {
+        for (n, different) in [(5000, 256), (256, 256), (100, 100), (40, 40), (1, 1)] {
+            let (mut order, mut out) = (Vec::new(), Vec::new());
+            sample(&cloud(n), &mut order, &mut out);
+            let first = bits(&out);
+            assert_eq!(out.len(), INPUT_POINTS);
+            assert_eq!(first.iter().collect::<BTreeSet<_>>().len(), different);
+            assert_eq!(
+                first[..different].iter().collect::<BTreeSet<_>>().len(),
+                different,
+                "each once first"
+            );
+            sample(&cloud(n), &mut order, &mut out);
+            assert_eq!(first, bits(&out));
+        }
+    }
+
+    /// Every point is as likely as any other in every place: inner down-sampling keeps the first places.
+    #[test]
+    fn sampling_is_uniform() {
+        let (mut counts, mut order) = ([[0u32; 4]; 4], Vec::new());
+        for seed in 0..500 {
+            draw(1000, seed, &mut order);
+            for (place, n) in order[..INPUT_POINTS].iter().enumerate() {
+                counts[place / 64][*n as usize / 250] += 1;
+            }
+        }
+        // 8,000 expected in each, with a deviation below 78.
+        assert!(counts.iter().flatten().all(|c| (7610..8390).contains(c)), "{counts:?}");
+    }
+
+    #[test]
+    fn mean_is_zero_and_variance_one() {
+        let (mut order, mut out) = (Vec::new(), Vec::new());
+        sample(&cloud(3000), &mut order, &mut out);
+        let n = out.len() as f64;
+        let sum = |f: &dyn Fn(&[f32; 3]) -> f64| out.iter().map(f).sum::<f64>();
+        for a in 0..3 {
+            assert!((sum(&|p| f64::from(p[a])) / n).abs() < 1e-6);
+        }
+        let variance = sum(&|p| p.iter().map(|v| f64::from(*v).powi(2)).sum()) / (3.0 * n);
+        assert!((variance - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_place_far_from_the_origin_gives_the_same_sample() {
+        let (mut order, mut here, mut there) = (Vec::new(), Vec::new(), Vec::new());
+        let moved = cloud(700).points.iter().map(|p| [p[0] + 512.0, p[1] - 256.0, p[2]]).collect();
+        sample(&cloud(700), &mut order, &mut here);
+        sample(&Segment::from_points(moved).unwrap(), &mut order, &mut there);
+        for (a, b) in here.iter().zip(&there) {
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3), "{a:?} {b:?}");
+        }
+    }
+}
