@@ -31,7 +31,7 @@ impl Tour {
     /// let back = Tour { reversed: true, ..kitti.live }.way(&world, 400.0);
     /// let there = Tour { reversed: false, ..kitti.live }.way(&world, 400.0);
     /// let aside = |s: f64| there.distance(back.at(s)[0], back.at(s)[1]);
-    /// assert!((aside(100.0) - 3.2).abs() < 0.2, "in the other lane");
+    /// assert!((aside(340.0) - 3.2).abs() < 0.2, "in the other lane");
     /// # Ok::<(), esm_sim::Error>(())
     /// ```
     pub fn way(&self, world: &World, length_m: f64) -> Path {

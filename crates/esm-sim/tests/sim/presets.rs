@@ -83,36 +83,43 @@ fn lengths_and_clouds_are_those_of_the_data_sets() {
     }
 }
 
+/// How far a point is from a way about `s` metres along it, whatever passes the same place at another time.
+fn off(way: &Path, s: f64, q: [f64; 2]) -> f64 {
+    let places = (-80..=80).map(|k| way.at(s + f64::from(k)));
+    places.map(|c| (c[0] - q[0]).hypot(c[1] - q[1])).fold(f64::INFINITY, f64::min)
+}
+
 /// Backwards and beside: the ways of changed tours are where they were asked to be.
 #[test]
 fn tours_backwards_and_beside() {
     for p in PRESETS {
-        let world = World::new(p.world, 4, 400.0, p.live.visit);
+        let length = 1500.0;
+        let world = World::new(p.world, 4, length, p.live.visit);
         let plain = Tour { part: (0.0, 1.0), ..p.live };
-        let there = plain.way(&world, 400.0);
-        let back = Tour { reversed: true, ..plain }.way(&world, 400.0);
+        let there = plain.way(&world, length);
+        let back = Tour { reversed: true, ..plain }.way(&world, length);
         let lane = if p.world == WorldKind::Urban { 3.2 } else { 0.0 };
-        assert!((back.length() - 400.0).abs() < 0.08 * 400.0, "{}: {}", p.name, back.length());
+        assert!((back.length() - length).abs() < 0.05 * length, "{}: {}", p.name, back.length());
         let (mut right, mut n) = (0, 0);
-        for s in (10..380).step_by(5) {
+        for s in (50..1450).step_by(5) {
             let q = back.at(f64::from(s));
+            let nearest = off(&there, length - f64::from(s), q);
             n += 1;
-            eprintln!("DBG {} {s} {:?} {}", p.name, q, there.distance(q[0], q[1]));
-            right += u32::from((there.distance(q[0], q[1]) - lane).abs() < 0.35);
+            right += u32::from((nearest - lane).abs() < 0.5);
         }
-        assert!(f64::from(right) > 0.85 * f64::from(n), "{}: {right} of {n} in their lane", p.name);
-        let (a, b) = (back.at(0.0), there.at(400.0));
+        assert!(f64::from(right) > 0.9 * f64::from(n), "{}: {right} of {n} in their lane", p.name);
+        let (a, b) = (back.at(0.0), there.at(length));
         assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 4.0, "{}: starts at the end", p.name);
         for offset_m in [2.0, -5.0, 10.0] {
-            let beside = Tour { offset_m, ..plain }.way(&world, 400.0);
-            let off = |s: f64| {
-                let q = beside.at(s);
-                let near = (0..=420).map(|k| there.at(f64::from(k)));
-                near.map(|c| (c[0] - q[0]).hypot(c[1] - q[1])).fold(f64::INFINITY, f64::min)
-            };
-            let steps = (beside.length() as usize).min(390);
-            let good = (5..steps).filter(|s| (off(*s as f64) - offset_m.abs()).abs() < 0.8).count();
-            assert!(good * 10 > (steps - 5) * 8, "{} {offset_m}: {good} of {steps}", p.name);
+            let beside = Tour { offset_m, ..plain }.way(&world, length);
+            let share = there.length() / beside.length();
+            let good = (50..1450)
+                .filter(|s| {
+                    let s = f64::from(*s);
+                    (off(&there, s * share, beside.at(s)) - f64::abs(offset_m)).abs() < 0.8
+                })
+                .count();
+            assert!(good > 1100, "{} {offset_m}: {good} of 1400", p.name);
         }
     }
 }
