@@ -151,7 +151,7 @@ fn visit(
     let key = Key::new(seed).with(0x5EE9).with(tour.visit.number.into());
     let trajectory =
         Trajectory::new(tour.way(&world, length), preset.ride(), key.with(1), |x, y| world.height(x, y));
-    let sensor = preset.sensor.sensor();
+    let sensor = preset.sensor();
     let end = length.min(trajectory.length());
     let stamps = stamps(preset, &trajectory, tour.part.0 * end, tour.part.1 * end, sensor.period_s);
     let truth: Vec<Pose> = stamps.iter().map(|ns| trajectory.pose(seconds(*ns))).collect();

@@ -57,11 +57,11 @@ pub(super) fn populate(
     let route = Arc::new(trajectory.path().clone());
     let (first, last) = (trajectory.travelled(from_s), trajectory.travelled(to_s));
     match world.moving() {
-        Moving::OnRoads { oncoming_m } => {
+        Moving::Roads { oncoming_m } => {
             crew.road(&route, (first, last), density, oncoming_m, &key.with(3));
         }
-        Moving::OnTrails => crew.trail(&route, (first, last), density, &key.with(4)),
-        Moving::OnPaths => {}
+        Moving::Trails => crew.trail(&route, (first, last), density, &key.with(4)),
+        Moving::Paths => {}
     }
     crew.list
 }

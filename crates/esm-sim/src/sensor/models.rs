@@ -5,6 +5,8 @@
 //! nobody publishes it. All directions are the nominal ones: real units are calibrated one by one, differ by some tenths of
 //! a degree, and have offsets of centimetres between their lasers, which drivers take out.
 
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+
 /// Which directions a sensor measures, in its own frame (x forward, y left, z up).
 #[derive(Clone, Copy, Debug)]
 pub enum Scan {
@@ -33,6 +35,8 @@ pub struct Sensor {
     pub name: &'static str,
     /// Where it looks.
     pub scan: Scan,
+    /// From the frame of [`Scan`] to that in which points are told: identity but for [`turned`](Self::turned) sensors.
+    pub turn: Rotation3<f64>,
     /// Seconds a turn or line takes.
     pub period_s: f64,
     /// Seconds of the period in which it measures.
@@ -116,6 +120,7 @@ impl SensorModel {
             Self::Hdl64e => Sensor {
                 name: "HDL-64E",
                 scan: spinning(hdl64e, 64, 2083),
+                turn: Rotation3::identity(),
                 period_s: 0.1,
                 active_s: 0.1,
                 min_range_m: 0.9,
@@ -134,6 +139,7 @@ impl SensorModel {
             Self::Hdl32e => Sensor {
                 name: "HDL-32E",
                 scan: spinning(hdl32e, 32, 2170),
+                turn: Rotation3::identity(),
                 period_s: 0.1,
                 active_s: 0.1,
                 min_range_m: 1.0,
@@ -151,6 +157,7 @@ impl SensorModel {
             Self::Vlp16 => Sensor {
                 name: "VLP-16",
                 scan: spinning(vlp16, 16, 1808),
+                turn: Rotation3::identity(),
                 period_s: 0.1,
                 active_s: 0.1,
                 min_range_m: 0.5,
@@ -166,6 +173,7 @@ impl SensorModel {
             Self::Os1_64 => Sensor {
                 name: "OS1-64",
                 scan: spinning(os1_64, 64, 1024),
+                turn: Rotation3::identity(),
                 period_s: 0.1,
                 active_s: 0.1,
                 min_range_m: 0.8,
@@ -183,6 +191,7 @@ impl SensorModel {
             Self::Lms151 => Sensor {
                 name: "LMS151",
                 scan: Scan::Line { field: 270f64.to_radians(), beams: 541 },
+                turn: Rotation3::identity(),
                 period_s: 0.02,
                 active_s: 0.015,
                 min_range_m: 0.5,
@@ -199,6 +208,7 @@ impl SensorModel {
             Self::Lms511 => Sensor {
                 name: "LMS511",
                 scan: Scan::Line { field: 190f64.to_radians(), beams: 571 },
+                turn: Rotation3::identity(),
                 period_s: 0.02,
                 active_s: 0.02 * 190.0 / 360.0,
                 min_range_m: 0.7,
@@ -214,6 +224,22 @@ impl SensorModel {
 }
 
 impl Sensor {
+    /// The same sensor turned in the frame its points are told in. A push-broom scanner stands upright, its plane across the
+    /// way; its points are told x forward, z up all the same, as its drivers and carriers tell them.
+    ///
+    /// ```
+    /// use esm_sim::SensorModel;
+    /// use nalgebra::UnitQuaternion;
+    /// let upright = UnitQuaternion::from_euler_angles(0.0, -std::f64::consts::FRAC_PI_2, 0.0);
+    /// let scanner = SensorModel::Lms151.sensor().turned(upright);
+    /// let middle = scanner.firings().nth(270).ok_or("no beam")?;
+    /// assert!((middle.dirs[0][2] - 1.0).abs() < 1e-9, "the middle beam looks up");
+    /// # Ok::<(), &str>(())
+    /// ```
+    pub fn turned(self, rotation: UnitQuaternion<f64>) -> Self {
+        Self { turn: rotation.to_rotation_matrix() * self.turn, ..self }
+    }
+
     /// Rays of one turn or line.
     pub fn rays(&self) -> usize {
         match self.scan {
@@ -235,18 +261,20 @@ impl Sensor {
             Scan::Spinning { steps, .. } => steps,
             Scan::Line { beams, .. } => beams,
         };
+        let turn = self.turn;
+        let turned = move |dir: [f64; 3]| (turn * Vector3::from(dir)).into();
         (0..firings).map(move |n| match scan {
             Scan::Spinning { steps, .. } => {
                 // Velodynes turn clockwise seen from above; a sweep starts and ends behind.
                 let share = n as f64 / steps as f64;
                 let (s, c) = (std::f64::consts::PI - std::f64::consts::TAU * share).sin_cos();
-                let dirs = elevations.iter().map(|(se, ce)| [ce * c, ce * s, *se]).collect();
+                let dirs = elevations.iter().map(|(se, ce)| turned([ce * c, ce * s, *se])).collect();
                 Firing { share, dirs }
             }
             Scan::Line { field, beams } => {
                 let share = n as f64 / (beams - 1) as f64;
                 let (s, c) = (field * (share - 0.5)).sin_cos();
-                Firing { share, dirs: vec![[c, s, 0.0]] }
+                Firing { share, dirs: vec![turned([c, s, 0.0])] }
             }
         })
     }

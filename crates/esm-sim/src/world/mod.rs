@@ -62,14 +62,14 @@ pub struct World {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Moving {
     /// Cars and cyclists; the other lane is so many metres to the left of the sensor's.
-    OnRoads {
+    Roads {
         /// Metres.
         oncoming_m: f64,
     },
     /// Walkers and dogs.
-    OnTrails,
+    Trails,
     /// Nobody but those on [`World::walks`].
-    OnPaths,
+    Paths,
 }
 
 enum Layout {
@@ -124,9 +124,9 @@ impl World {
     /// Who meets the sensor on its way.
     pub(crate) fn moving(&self) -> Moving {
         match self.layout {
-            Layout::Forest(_) => Moving::OnTrails,
-            Layout::Park(_) => Moving::OnPaths,
-            Layout::Urban(_) => Moving::OnRoads { oncoming_m: urban::LANES_M },
+            Layout::Forest(_) => Moving::Trails,
+            Layout::Park(_) => Moving::Paths,
+            Layout::Urban(_) => Moving::Roads { oncoming_m: urban::LANES_M },
         }
     }
 
