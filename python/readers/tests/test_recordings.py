@@ -101,7 +101,10 @@ def test_clouds_have_the_documented_form(found: Contents, simulated: Simulated) 
         assert points["time"].max(initial=0.0) <= 0.0
         assert ((points["intensity"] >= 0) & (points["intensity"] <= 255)).all()
     # x forward, z up, push-brooms included: the ground about the carrier lies below the sensor.
-    below = [points["z"][(points["object_id"] == 0) & (np.abs(points["y"]) < 4)] for points in map(Cloud.points, found.clouds)]
+    below = [
+        points["z"][(points["object_id"] == 0) & (np.abs(points["y"]) < 4)]
+        for points in map(Cloud.points, found.clouds)
+    ]
     assert -2.2 < np.median(np.concatenate(below)) < -0.8
     sizes = [cloud.size[0] for cloud in found.clouds]
     assert np.mean(sizes) > 100 * min(simulated.lasers, 2)

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use crate::cast::{HeightGrid, Scene, Shape, TileScene};
+use crate::cast::{Ground, Scene, Shape, TileScene};
 use crate::hash::Draw;
 use crate::world::{Class, Object, striding, vehicle};
 
@@ -25,7 +25,7 @@ pub(super) struct Body {
 impl Body {
     fn new(id: u32, class: Class, shapes: Vec<Shape>) -> Self {
         let object = Object { id, class, anchor: Vector3::zeros(), shapes };
-        let tile = TileScene::build(Vector3::zeros(), &[object], HeightGrid::default());
+        let tile = TileScene::build(Vector3::zeros(), &[object], Ground::default());
         let (low, high) = tile.extent();
         Self {
             scene: Scene::new(Vector3::zeros(), [Arc::new(tile)]),
