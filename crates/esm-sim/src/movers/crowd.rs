@@ -80,6 +80,11 @@ impl<'a> Crowd<'a> {
         Self { list: movers.list.iter().filter_map(passing).collect(), pieces }
     }
 
+    /// Whether nobody is near.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
     /// Whom the beams of a firing can meet, into `present`. `share` (0 to 1) tells the time within the sweep, `first` and
     /// `last` the outermost beams; `from` is the sensor about the scene's origin.
     pub(crate) fn firing(
@@ -90,9 +95,6 @@ impl<'a> Crowd<'a> {
         present: &mut Vec<Present<'a>>,
     ) {
         present.clear();
-        if self.list.is_empty() {
-            return;
-        }
         // All beams of a firing lie in a plane through the sensor, on one side of it.
         let normal = first.cross(&last).try_normalize(0.05);
         let ahead = (first + last).try_normalize(0.05).unwrap_or(first);

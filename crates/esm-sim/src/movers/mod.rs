@@ -46,7 +46,7 @@ pub struct Movers<'a> {
 impl<'a> Movers<'a> {
     /// What moves while a trajectory is ridden, between two of its times (seconds): cars and cyclists that are met on the
     /// road, people on pavements and paths, walkers and dogs on trails. `density` scales their number; 1 is a quiet
-    /// afternoon, 0 nobody. None of them comes so near that it would touch the sensor's carrier.
+    /// afternoon, 0 nobody, 20 the most. None of them comes so near that it would touch the sensor's carrier.
     pub fn new(
         world: &'a World,
         trajectory: &'a Trajectory<'a>,

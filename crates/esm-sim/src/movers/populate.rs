@@ -9,6 +9,8 @@ use crate::hash::{Draw, Key};
 use crate::motion::{Path, Trajectory};
 use crate::world::{Moving, World};
 
+/// No streets are fuller than this.
+const MOST: f64 = 20.0;
 /// Seconds between the places at which the sensor's way is looked at.
 const LOOK_S: f64 = 0.25;
 /// Who keeps farther from the sensor than this all the time is not worth being made, metres.
@@ -40,9 +42,10 @@ pub(super) fn populate(
     density: f64,
     key: Key,
 ) -> Vec<Mover> {
-    if density <= 0.0 {
+    if density.is_nan() || density <= 0.0 {
         return Vec::new();
     }
+    let density = density.min(MOST);
     let looks = ((to_s - from_s).max(0.0) / LOOK_S).ceil() as usize;
     let sensor =
         (0..=looks).map(|n| trajectory.path().at(trajectory.travelled(from_s + n as f64 * LOOK_S))).collect();

@@ -92,7 +92,9 @@ fn sweep_with(
         let rotation = a.rotation.nlerp(&b.rotation, t).to_rotation_matrix();
         let origin = (at - scene.origin()).cast::<f32>();
         let time = (-(1.0 - firing.share) * sensor.active_s) as f32;
-        if let (Some(first), Some(last)) = (firing.dirs.first(), firing.dirs.last()) {
+        if !crowd.is_empty()
+            && let (Some(first), Some(last)) = (firing.dirs.first(), firing.dirs.last())
+        {
             let ends = [*first, *last].map(|d| (rotation * Vector3::from(d)).cast::<f32>());
             crowd.firing(firing.share, origin, (ends[0], ends[1]), &mut present);
         }
