@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use esm_sim::{
-    Key, Season, SensorModel, SweepSpec, Tiles, Trajectory, Visit, World, WorldKind, preset, sweep,
+    Key, Movers, Season, SensorModel, SweepSpec, Tiles, Trajectory, Visit, World, WorldKind, preset, sweep,
+    sweep_among,
 };
 
 fn raycast(c: &mut Criterion) {
@@ -40,6 +41,23 @@ fn raycast(c: &mut Criterion) {
                             key: Key::new(n as u64),
                         };
                         sweep(&spec, &scene, |t| trajectory.pose(t)).len()
+                    })
+                    .sum::<usize>()
+            });
+        });
+        let movers = Movers::new(&world, &trajectory, (0.0, 60.0), 1.0, Key::new(2));
+        group.bench_function("4 sweeps HDL-64E, people and cars about", |b| {
+            b.iter(|| {
+                (1..=4)
+                    .map(|n| {
+                        let stamp_s = f64::from(n) * 12.0;
+                        let spec = SweepSpec {
+                            sensor: &sensor,
+                            stamp_s,
+                            undistorted: true,
+                            key: Key::new(n as u64),
+                        };
+                        sweep_among(&spec, &scene, &movers, |t| trajectory.pose(t)).len()
                     })
                     .sum::<usize>()
             });

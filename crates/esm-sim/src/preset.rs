@@ -1,18 +1,55 @@
 //! Named configurations that mirror the data sets of the paper, and those for learning.
 
 use crate::error::Error;
-use crate::motion::{Drift, Ride};
-use crate::sensor::SensorModel;
-use crate::world::{Season, Visit, WorldKind};
+use crate::motion::{Drift, Path, Ride};
+use crate::sensor::{Sensor, SensorModel};
+use crate::world::{Moving, REVISIT_SHARE, Season, Visit, World, WorldKind};
 use nalgebra::UnitQuaternion;
 
 /// One of the two visits of a preset.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Tour {
-    /// Where on the route it starts and ends, shares of its length.
+    /// Where on the way it starts and ends, shares of its length as it is driven.
     pub part: (f64, f64),
     /// When, and what has changed.
     pub visit: Visit,
+    /// Whether the route is driven from its end to its start. In streets the car keeps to the right then too.
+    pub reversed: bool,
+    /// Metres beside the route, to the left as it is driven.
+    pub offset_m: f64,
+    /// How many cars and people move about: 1 is a quiet afternoon, 0 nobody.
+    pub movers: f64,
+}
+
+impl Tour {
+    /// The way over the ground that is driven in a world whose route has `length_m` metres.
+    ///
+    /// ```
+    /// use esm_sim::{Tour, World, preset};
+    /// let kitti = preset("kitti")?;
+    /// let world = World::new(kitti.world, 1, 400.0, kitti.live.visit);
+    /// let back = Tour { reversed: true, ..kitti.live }.way(&world, 400.0);
+    /// let there = Tour { reversed: false, ..kitti.live }.way(&world, 400.0);
+    /// let (start, end) = (back.at(0.0), there.at(400.0));
+    /// assert!((start[0] - end[0]).hypot(start[1] - end[1]) < 4.0, "it starts in the other lane of where that ends");
+    /// # Ok::<(), esm_sim::Error>(())
+    /// ```
+    pub fn way(&self, world: &World, length_m: f64) -> Path {
+        let mut way = world.route().clone();
+        if self.reversed {
+            way = way.part(0.0, length_m.min(way.length())).reversed();
+            if let Moving::Roads { oncoming_m } = world.moving() {
+                way = beside(&way, -oncoming_m);
+            }
+        }
+        if self.offset_m == 0.0 { way } else { beside(&way, self.offset_m) }
+    }
+}
+
+/// A way beside another, driveable: where bends were cut off, it is rounded.
+fn beside(way: &Path, left_m: f64) -> Path {
+    let way = way.offset(left_m);
+    way.smoothed(0.0, way.length(), 3.0)
 }
 
 /// A world, a sensor, and two visits.
@@ -30,9 +67,11 @@ pub struct Preset {
     pub sensor: SensorModel,
     /// Its height above the ground, metres.
     pub sensor_height_m: f64,
-    /// Its mounting on the vehicle: roll, pitch, yaw in degrees. Push-broom scanners look up with their x axis, across the
-    /// way with their plane.
+    /// How its frame `lidar` (x forward, z up) sits on the vehicle: roll, pitch, yaw in degrees.
     pub mount_deg: [f64; 3],
+    /// How the scanner is turned in that frame: roll, pitch, yaw in degrees. Push-brooms look up with their x axis, across the
+    /// way with their plane.
+    pub turn_deg: [f64; 3],
     /// Mean speed, m/s.
     pub speed_mps: f64,
     /// Wheel base, metres.
@@ -45,6 +84,12 @@ pub struct Preset {
     pub undistorted: bool,
     /// Drift of the odometry.
     pub drift: Drift,
+    /// Metres of travel that a live cloud holds in the data set this mirrors (`localize --accumulate`); 0 where every sweep is
+    /// a cloud.
+    pub accumulate_m: f64,
+    /// Metres between the sweeps that a cloud keeps (`accumulate.min_step_m`). Lines need it small: a cloud of them every half
+    /// metre holds no objects.
+    pub min_step_m: f64,
     /// The visit the map is made from.
     pub map: Tour,
     /// The visit that is localized.
@@ -55,7 +100,8 @@ const DRIFT: Drift = Drift { translation: 0.01, rotation_deg_per_100m: 0.5 };
 const ALL: (f64, f64) = (0.0, 1.0);
 
 const fn tour(part: (f64, f64), number: u8, season: Season, change: f32) -> Tour {
-    Tour { part, visit: Visit { number, season, change } }
+    let visit = Visit { number, season, change };
+    Tour { part, visit, reversed: false, offset_m: 0.0, movers: 1.0 }
 }
 
 /// Looks up, its plane across the way, tilted 5 degrees back: lines lie about upright.
@@ -70,13 +116,16 @@ pub const PRESETS: [Preset; 6] = [
         length_m: 2800.0,
         sensor: SensorModel::Lms151,
         sensor_height_m: 1.2,
-        mount_deg: PUSH_BROOM,
+        mount_deg: [0.4, 0.6, 0.0],
+        turn_deg: PUSH_BROOM,
         speed_mps: 2.0,
         wheel_base_m: 1.3,
         shake_deg: 0.7,
         spacing_m: 0.0,
         undistorted: false,
         drift: DRIFT,
+        accumulate_m: 22.0,
+        min_step_m: 0.09,
         map: tour(ALL, 0, Season::February, 0.02),
         live: tour(ALL, 1, Season::February, 0.02),
     },
@@ -88,48 +137,58 @@ pub const PRESETS: [Preset; 6] = [
         sensor: SensorModel::Hdl32e,
         sensor_height_m: 1.4,
         mount_deg: [0.5, 2.0, 0.0],
+        turn_deg: [0.0; 3],
         speed_mps: 1.4,
         wheel_base_m: 1.0,
         shake_deg: 0.8,
         spacing_m: 700.0 / 1125.0,
         undistorted: false,
         drift: DRIFT,
+        accumulate_m: 0.0,
+        min_step_m: 0.5,
         map: tour(ALL, 0, Season::May, 0.04),
         live: tour(ALL, 1, Season::October, 0.04),
     },
     Preset {
         name: "george-square",
-        about: "George Square: 500 m in a city park, LMS151 push-broom",
+        about: "George Square: 500 m in a city park, LMS151 push-broom; 30 clouds in 500 m are swathes of 17 m",
         world: WorldKind::Park,
         length_m: 500.0,
         sensor: SensorModel::Lms151,
         sensor_height_m: 1.1,
-        mount_deg: PUSH_BROOM,
+        mount_deg: [0.4, 0.6, 0.0],
+        turn_deg: PUSH_BROOM,
         speed_mps: 1.2,
         wheel_base_m: 0.8,
         shake_deg: 0.4,
         spacing_m: 0.0,
         undistorted: false,
         drift: DRIFT,
+        accumulate_m: 17.0,
+        min_step_m: 0.09,
         map: tour(ALL, 0, Season::February, 0.03),
         live: tour(ALL, 1, Season::May, 0.03),
     },
     Preset {
         name: "kitti",
-        about: "KITTI odometry 00: 3.7 km of streets of which the last 700 m are driven again, HDL-64E, a sweep every 2 m",
+        about: "KITTI odometry 00: 3.7 km of streets; the last 700 m, which are localized, drive over mapped ones again, in \
+                both directions; HDL-64E, a sweep every 2 m",
         world: WorldKind::Urban,
-        length_m: 3000.0,
+        length_m: 3700.0,
         sensor: SensorModel::Hdl64e,
         sensor_height_m: 1.73,
         mount_deg: [0.1, 0.3, 0.0],
+        turn_deg: [0.0; 3],
         speed_mps: 8.0,
         wheel_base_m: 2.7,
         shake_deg: 0.35,
         spacing_m: 2.0,
         undistorted: true,
         drift: DRIFT,
-        map: tour(ALL, 0, Season::October, 0.01),
-        live: tour((0.1, 0.1 + 700.0 / 3000.0), 1, Season::October, 0.01),
+        accumulate_m: 20.0,
+        min_step_m: 0.5,
+        map: tour((0.0, REVISIT_SHARE), 0, Season::October, 0.01),
+        live: tour((REVISIT_SHARE, 1.0), 1, Season::October, 0.01),
     },
     Preset {
         name: "train-forest",
@@ -139,12 +198,15 @@ pub const PRESETS: [Preset; 6] = [
         sensor: SensorModel::Vlp16,
         sensor_height_m: 1.2,
         mount_deg: [0.0, 1.0, 0.0],
+        turn_deg: [0.0; 3],
         speed_mps: 1.5,
         wheel_base_m: 1.0,
         shake_deg: 0.7,
         spacing_m: 0.5,
         undistorted: false,
         drift: DRIFT,
+        accumulate_m: 10.0,
+        min_step_m: 0.5,
         map: tour(ALL, 0, Season::May, 0.05),
         live: tour(ALL, 1, Season::February, 0.05),
     },
@@ -156,12 +218,15 @@ pub const PRESETS: [Preset; 6] = [
         sensor: SensorModel::Hdl64e,
         sensor_height_m: 1.73,
         mount_deg: [0.0, 0.0, 0.0],
+        turn_deg: [0.0; 3],
         speed_mps: 8.0,
         wheel_base_m: 2.7,
         shake_deg: 0.35,
         spacing_m: 2.0,
         undistorted: true,
         drift: DRIFT,
+        accumulate_m: 20.0,
+        min_step_m: 0.5,
         map: tour(ALL, 0, Season::May, 0.05),
         live: tour(ALL, 1, Season::October, 0.05),
     },
@@ -185,6 +250,12 @@ pub fn preset(name: &str) -> Result<Preset, Error> {
 }
 
 impl Preset {
+    /// Its sensor, turned as it is mounted.
+    pub fn sensor(&self) -> Sensor {
+        let [roll, pitch, yaw] = self.turn_deg.map(f64::to_radians);
+        self.sensor.sensor().turned(UnitQuaternion::from_euler_angles(roll, pitch, yaw))
+    }
+
     /// Its vehicle.
     pub fn ride(&self) -> Ride {
         let [roll, pitch, yaw] = self.mount_deg.map(f64::to_radians);

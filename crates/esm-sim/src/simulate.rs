@@ -13,8 +13,9 @@ use crate::cast::{Scene, TileScene};
 use crate::error::Error;
 use crate::hash::Key;
 use crate::motion::{Trajectory, drifted};
+use crate::movers::Movers;
 use crate::preset::{Preset, Tour};
-use crate::sensor::{Point, Scan, SweepSpec, sweep};
+use crate::sensor::{Point, Scan, SweepSpec, sweep_among};
 use crate::world::{TILE_M, World, tile_of};
 
 /// Bytes of a point record.
@@ -149,12 +150,15 @@ fn visit(
     let world = World::new(preset.world, seed, length.max(LEAST_WORLD_M), tour.visit);
     let key = Key::new(seed).with(0x5EE9).with(tour.visit.number.into());
     let trajectory =
-        Trajectory::new(world.route().clone(), preset.ride(), key.with(1), |x, y| world.height(x, y));
-    let sensor = preset.sensor.sensor();
+        Trajectory::new(tour.way(&world, length), preset.ride(), key.with(1), |x, y| world.height(x, y));
+    let sensor = preset.sensor();
     let end = length.min(trajectory.length());
     let stamps = stamps(preset, &trajectory, tour.part.0 * end, tour.part.1 * end, sensor.period_s);
     let truth: Vec<Pose> = stamps.iter().map(|ns| trajectory.pose(seconds(*ns))).collect();
     let odometry = drifted(&truth, preset.drift, key.with(2));
+    let ends = (stamps.first().copied().unwrap_or(0), stamps.last().copied().unwrap_or(0));
+    let span = (seconds(ends.0) - sensor.period_s, seconds(ends.1));
+    let movers = Movers::new(&world, &trajectory, span, tour.movers, key.with(4));
     let path = out_dir.join(format!("{name}.mcap"));
     let mut writer = RecordingWriter::create(&path, &LAYOUT)?;
     let mut tiles = Tiles::new(&world);
@@ -177,7 +181,7 @@ fn visit(
                     undistorted: preset.undistorted,
                     key: key.with(3).with(n as u64),
                 };
-                records(&sweep(&spec, &scene, |t| trajectory.pose(t)))
+                records(&sweep_among(&spec, &scene, &movers, |t| trajectory.pose(t)))
             })
             .collect();
         for (n, cloud) in range.clone().zip(&clouds) {

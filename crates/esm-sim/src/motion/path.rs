@@ -69,6 +69,44 @@ impl Path {
         (b[1] - a[1]).atan2(b[0] - a[0])
     }
 
+    /// The same way the other way round.
+    pub fn reversed(&self) -> Self {
+        Self::new(self.points.iter().rev().copied())
+    }
+
+    /// The way `left` metres beside it, to the left as it runs, sampled every metre. Where it bends more sharply than that,
+    /// the loops that would arise are cut off.
+    ///
+    /// ```
+    /// use esm_sim::Path;
+    /// let way = Path::new([[0.0, 0.0], [50.0, 0.0]]);
+    /// assert_eq!(way.offset(2.0).at(10.0), [10.0, 2.0]);
+    /// assert_eq!(way.reversed().offset(2.0).at(10.0), [40.0, -2.0]);
+    /// ```
+    pub fn offset(&self, left: f64) -> Self {
+        let n = self.length().round().max(1.0) as usize;
+        let step = self.length() / n as f64;
+        let base: Vec<[f64; 2]> = (0..=n).map(|k| self.at(k as f64 * step)).collect();
+        let beside = |k: usize| {
+            let h = self.heading(k as f64 * step, 1.5);
+            [base[k][0] - left * h.sin(), base[k][1] + left * h.cos()]
+        };
+        // Nearer to a neighbouring piece of the way than to its own: inside of a bend too sharp for it.
+        let reach = (4.0 * left.abs()).ceil() as usize;
+        let clear = |k: usize, p: [f64; 2]| {
+            let near = &base[k.saturating_sub(reach)..=(k + reach).min(n)];
+            near.iter().all(|b| (b[0] - p[0]).hypot(b[1] - p[1]) > 0.98 * left.abs() - 0.02)
+        };
+        Self::new((0..=n).map(|k| (k, beside(k))).filter(|(k, p)| clear(*k, *p)).map(|(_, p)| p))
+    }
+
+    /// The part from `a` to `b` metres.
+    pub fn part(&self, a: f64, b: f64) -> Self {
+        let inner = self.lengths.iter().zip(&self.points).filter(|(l, _)| (a..b).contains(*l));
+        let inner: Vec<[f64; 2]> = inner.map(|(_, p)| *p).collect();
+        Self::new(std::iter::once(self.at(a)).chain(inner).chain([self.at(b)]))
+    }
+
     /// Distance of a point to the path; infinite beyond 8 m.
     pub fn distance(&self, x: f64, y: f64) -> f64 {
         let key = ((x / CELL).floor() as i32, (y / CELL).floor() as i32);

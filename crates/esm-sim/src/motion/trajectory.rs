@@ -38,6 +38,11 @@ impl<'a> Trajectory<'a> {
         Self { path, ride, key, height: Box::new(height) }
     }
 
+    /// The way over the ground that is followed.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Length of the ride in metres of the path.
     pub fn length(&self) -> f64 {
         self.path.length()

@@ -4,4 +4,4 @@ mod models;
 mod sweep;
 
 pub use models::{Firing, Scan, Sensor, SensorModel};
-pub use sweep::{Point, SweepSpec, sweep};
+pub use sweep::{Point, SweepSpec, sweep, sweep_among};

@@ -29,6 +29,12 @@ pub enum Class {
     Car = 40,
     Van = 41,
     Person = 42,
+    // What moves within a visit.
+    MovingCar = 50,
+    MovingVan = 51,
+    Cyclist = 52,
+    Walker = 53,
+    Dog = 54,
 }
 
 impl Class {
@@ -45,9 +51,15 @@ impl Class {
             Self::Window => 0.06,
             Self::Pole | Self::Bin => 0.3,
             Self::Sign => 0.9,
-            Self::Car | Self::Van => 0.35,
-            Self::Person => 0.4,
+            Self::Car | Self::Van | Self::MovingCar | Self::MovingVan => 0.35,
+            Self::Person | Self::Walker | Self::Cyclist => 0.4,
+            Self::Dog => 0.3,
         }
+    }
+
+    /// Whether it moves within a visit: its points lie where it was when the beam met it.
+    pub fn moves(self) -> bool {
+        matches!(self, Self::MovingCar | Self::MovingVan | Self::Cyclist | Self::Walker | Self::Dog)
     }
 
     /// Mean height of what grows or lies on the ground, metres: beams stop in it, early where they graze.

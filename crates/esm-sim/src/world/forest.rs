@@ -64,6 +64,11 @@ impl Forest {
         &self.route
     }
 
+    /// The tracks that cross the trail.
+    pub(super) fn walks(&self) -> Vec<Path> {
+        self.tracks.clone()
+    }
+
     /// Distance to the nearest trail or track; infinite beyond 8 m.
     fn off_track(&self, x: f64, y: f64) -> f64 {
         self.tracks.iter().map(|t| t.distance(x, y) + 0.4).fold(self.route.distance(x, y), f64::min)

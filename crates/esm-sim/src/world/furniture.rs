@@ -84,8 +84,12 @@ pub(super) fn statue(yaw: f32, draw: &mut Draw) -> Vec<Shape> {
 
 /// A person, 1.75 m times `scale`.
 pub(super) fn person(yaw: f32, scale: f32, draw: &mut Draw) -> Vec<Shape> {
+    striding(yaw, scale, draw.range(-0.3, 0.3))
+}
+
+/// The same in the middle of a step of so many metres.
+pub(crate) fn striding(yaw: f32, scale: f32, step: f32) -> Vec<Shape> {
     let (f, s) = (dir(yaw), dir(yaw + std::f32::consts::FRAC_PI_2));
-    let step = draw.range(-0.3, 0.3);
     let p = |z: f32| V::z() * (z * scale);
     vec![
         Shape::frustum(

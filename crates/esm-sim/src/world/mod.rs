@@ -19,6 +19,9 @@ use crate::hash::Key;
 use crate::motion::Path;
 
 pub use class::Class;
+pub(crate) use furniture::striding;
+pub(crate) use urban::REVISIT_SHARE;
+pub(crate) use vehicle::vehicle;
 pub use visit::{Season, Visit};
 
 /// Side of a tile, metres.
@@ -52,6 +55,21 @@ pub enum WorldKind {
 /// A world at one visit.
 pub struct World {
     layout: Layout,
+    visit: Visit,
+}
+
+/// Who meets the sensor on its own way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Moving {
+    /// Cars and cyclists; the other lane is so many metres to the left of the sensor's.
+    Roads {
+        /// Metres.
+        oncoming_m: f64,
+    },
+    /// Walkers and dogs.
+    Trails,
+    /// Nobody but those on [`World::walks`].
+    Paths,
 }
 
 enum Layout {
@@ -69,7 +87,7 @@ impl World {
             WorldKind::Park => Layout::Park(park::Park::new(key, length_m, visit)),
             WorldKind::Urban => Layout::Urban(urban::Urban::new(key, length_m, visit)),
         };
-        Self { layout }
+        Self { layout, visit }
     }
 
     /// The way through it that the sensor takes, `length_m` metres or a little more.
@@ -78,6 +96,37 @@ impl World {
             Layout::Forest(w) => w.route(),
             Layout::Park(w) => w.route(),
             Layout::Urban(w) => w.route(),
+        }
+    }
+
+    /// The visit.
+    pub fn visit(&self) -> Visit {
+        self.visit
+    }
+
+    /// Ways that people stroll on.
+    pub(crate) fn walks(&self) -> Vec<Path> {
+        match &self.layout {
+            Layout::Forest(w) => w.walks(),
+            Layout::Park(w) => w.walks(),
+            Layout::Urban(w) => w.walks(),
+        }
+    }
+
+    /// Closed ways that cars circle on.
+    pub(crate) fn drives(&self) -> Vec<Path> {
+        match &self.layout {
+            Layout::Park(w) => w.drives(),
+            Layout::Forest(_) | Layout::Urban(_) => Vec::new(),
+        }
+    }
+
+    /// Who meets the sensor on its way.
+    pub(crate) fn moving(&self) -> Moving {
+        match self.layout {
+            Layout::Forest(_) => Moving::Trails,
+            Layout::Park(_) => Moving::Paths,
+            Layout::Urban(_) => Moving::Roads { oncoming_m: urban::LANES_M },
         }
     }
 

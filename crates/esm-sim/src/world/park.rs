@@ -17,6 +17,8 @@ use crate::noise::value;
 
 /// From the lawn's edge to the facades: railing, pavement, street with parked cars, pavement.
 const STREET: f64 = 17.0;
+/// No smaller park, metres: lawns, beds and statues need room beside the paths.
+const LEAST_SIDE: f64 = 80.0;
 
 pub(super) struct Park {
     key: Key,
@@ -34,8 +36,8 @@ impl Park {
     pub(super) fn new(key: Key, length_m: f64, visit: Visit) -> Self {
         let terrain =
             Terrain { key: key.with(1), layers: &[(160.0, 2.2), (45.0, 0.5), (11.0, 0.08), (2.3, 0.02)] };
-        // A walk around and a diagonal through make up the route.
-        let side = (length_m / 4.6).max(30.0);
+        // A walk around and a diagonal through make up the route. However short the route, the park is one.
+        let side = (length_m / 4.6).max(LEAST_SIDE);
         let half = [0.6 * side, 0.5 * side];
         let ring = |inset: f64, n: u64| {
             Path::new((0..=160).map(|k| {
@@ -80,6 +82,24 @@ impl Park {
 
     pub(super) fn height(&self, x: f64, y: f64) -> f64 {
         self.terrain.height(x, y, 0.0, 1.0)
+    }
+
+    /// Both sides of the paths.
+    pub(super) fn walks(&self) -> Vec<Path> {
+        self.paths.iter().flat_map(|p| [p.offset(1.35), p.offset(-1.35)]).collect()
+    }
+
+    /// The street around, a lane each way between the parked cars.
+    pub(super) fn drives(&self) -> Vec<Path> {
+        let lap = |out: f64| {
+            let [x, y] = [self.half[0] + out, self.half[1] + out];
+            let corners = [[-x, -y], [x, -y], [x, y], [-x, y]];
+            let twice = Path::new(corners.into_iter().cycle().take(9));
+            // From the middle of a side once around: where the way closes it is straight.
+            let (once, start) = (0.5 * twice.length(), x);
+            twice.smoothed(start, start + once, 5.0)
+        };
+        vec![lap(9.9), lap(7.1).reversed()]
     }
 
     /// How far outside of the lawn; negative inside.

@@ -19,6 +19,12 @@ use crate::motion::Path;
 const BLOCK: f64 = 88.0;
 /// Half the width of the carriageway, metres.
 const HALF_ROAD: f64 = 3.8;
+/// From the middle of the road to the middle of a lane, metres.
+const LANE: f64 = 1.6;
+/// From this share of its length on, the route goes over streets that it has used before.
+pub(crate) const REVISIT_SHARE: f64 = 0.8;
+/// Between the middles of the two lanes, metres.
+pub(super) const LANES_M: f64 = 2.0 * LANE;
 /// From the middle of the road to the property line, metres: parking and pavement lie between.
 const FRONT: f64 = 8.2;
 /// No house nearer to a crossing, metres.
@@ -84,6 +90,18 @@ impl Urban {
 
     pub(super) fn route(&self) -> &Path {
         &self.route
+    }
+
+    /// The pavements, from corner to corner.
+    pub(super) fn walks(&self) -> Vec<Path> {
+        // Between the kerb and the lamps.
+        let off = HALF_ROAD + 3.1;
+        let ends = CORNER - 5.0;
+        let sides = |s: &Street| {
+            let middle = s.path.smoothed(ends, s.path.length() - ends, 1.0);
+            [middle.offset(off), middle.offset(-off)]
+        };
+        self.streets.iter().flat_map(sides).collect()
     }
 
     pub(super) fn height(&self, x: f64, y: f64) -> f64 {
@@ -394,8 +412,9 @@ fn street(key: Key, i: i32, j: i32, side: u32) -> Path {
     }))
 }
 
-/// A drive over the streets that stays within `half` crossings of the start, prefers streets it has not used, never turns
-/// back, and keeps to the right. Returns the crossings it passes and the way.
+/// A drive over the streets that stays within `half` crossings of the start and keeps to the right. It prefers streets it has
+/// not used and never turns back, up to a block before [`REVISIT_SHARE`] of its length; from there on it prefers those it
+/// has used, in any direction, and turns back where there is no other way to one. Returns the crossings it passes and the way.
 fn route(key: Key, length_m: f64, half: i32) -> (Vec<(i32, i32)>, Path) {
     let mut draw = key.with(7).draw();
     let (mut at, mut from) = ((0, 0), (0, 0));
@@ -405,16 +424,23 @@ fn route(key: Key, length_m: f64, half: i32) -> (Vec<(i32, i32)>, Path) {
     let mut length = 0.0;
     // A margin: smoothing and the lane cut corners.
     while length < 1.08 * length_m + 60.0 {
+        let revisit = length > REVISIT_SHARE * 1.03 * length_m - BLOCK;
         let best = [(1, 0), (0, 1), (-1, 0), (0, -1)]
             .into_iter()
             .filter_map(|(di, dj)| {
                 let to = (at.0 + di, at.1 + dj);
                 let (low, side) = (if di + dj > 0 { at } else { to }, u32::from(dj != 0));
-                let fits = to != from && exists(key, low.0, low.1, side);
+                let turns_back = to == from && crossings.len() > 1;
+                let fits = (!turns_back || revisit) && exists(key, low.0, low.1, side);
                 fits.then(|| {
                     let again = used.get(&(low.0, low.1, side)).copied().unwrap_or(0) as f32;
                     let outside = (to.0.abs() - half).max(to.1.abs() - half).max(0) as f32;
-                    (again + 5.0 * outside + 0.9 * draw.unit(), to, low, side)
+                    let known = match (revisit, again) {
+                        (false, _) => again,
+                        (true, 0.0) => 3.0,
+                        (true, _) => 0.3 * again + 1.5 * f32::from(u8::from(turns_back)),
+                    };
+                    (known + 5.0 * outside + 0.9 * draw.unit(), to, low, side)
                 })
             })
             .min_by(|a, b| a.0.total_cmp(&b.0));
@@ -435,7 +461,7 @@ fn route(key: Key, length_m: f64, half: i32) -> (Vec<(i32, i32)>, Path) {
     let rough = middle.smoothed(0.0, middle.length(), 7.0);
     let lane = Path::new((0..=rough.length() as usize).map(|k| {
         let (p, h) = (rough.at(k as f64), rough.heading(k as f64, 2.0));
-        [p[0] + 1.6 * h.sin(), p[1] - 1.6 * h.cos()]
+        [p[0] + LANE * h.sin(), p[1] - LANE * h.cos()]
     }));
     (crossings, lane.smoothed(0.0, lane.length(), 2.0))
 }

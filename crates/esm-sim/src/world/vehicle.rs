@@ -9,7 +9,7 @@ type V = Vector3<f32>;
 
 /// A car (or a van) about its middle on the ground, its nose along `yaw`. The side profile is drawn as a polygon and made
 /// of slanted panels, so that bonnet, windscreen and boot show.
-pub(super) fn vehicle(van: bool, yaw: f32, draw: &mut Draw) -> Vec<Shape> {
+pub(crate) fn vehicle(van: bool, yaw: f32, draw: &mut Draw) -> Vec<Shape> {
     let turn = Rotation3::from_axis_angle(&V::z_axis(), yaw);
     let (length, width) = if van {
         (draw.range(4.6, 6.0), draw.range(1.85, 2.05))

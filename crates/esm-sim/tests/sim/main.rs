@@ -2,5 +2,7 @@
 #![allow(missing_docs, clippy::unwrap_used)] // Helpers of tests unwrap too.
 
 mod casting;
+mod movers;
+mod presets;
 mod recordings;
 mod worlds;
