@@ -24,7 +24,9 @@ pub struct AccumulateConfig {
     pub min_range_m: f64,
     /// Each sweep is thinned to one point a voxel of this edge before it is kept, metres; 0 keeps all.
     pub sweep_voxel_m: f64,
-    /// A sweep is kept for later clouds only this far after the last kept one, metres: standing still adds nothing.
+    /// A sweep is kept for later clouds only this far after the last kept one, metres: standing still adds nothing. Sweeps
+    /// of fewer than 4,000 points (after thinning) are kept proportionally closer: the lines of a push-broom scanner
+    /// make a cloud only together.
     pub min_step_m: f64,
     /// A longer step between two sweeps breaks the accumulation (a gap in the recording or a jump of the odometry),
     /// metres.
@@ -119,8 +121,11 @@ struct Kept {
     travel_m: f64,
 }
 
-/// Sweeps a cloud may hold: turning on the spot must not grow it without end.
-const MAX_SWEEPS: usize = 256;
+/// Sweeps a cloud may hold, and their points: turning on the spot must not grow it without end.
+const MAX_SWEEPS: usize = 4096;
+const MAX_POINTS: usize = 5_000_000;
+/// Points of a sweep that sees its surroundings well enough to be kept every `min_step_m` only.
+const FULL_SWEEP: f64 = 4000.0;
 /// A turn of this many radians since the last kept sweep is also worth keeping: it brings another view.
 const MIN_TURN_RAD: f64 = 0.35;
 
@@ -188,10 +193,11 @@ impl Accumulator {
         {
             self.kept.pop_front();
         }
+        let share = (points_sensor.len() as f64 / FULL_SWEEP).min(1.0);
         let newest = Kept { points_sensor, pose_odom_sensor: pose, travel_m };
         let held_m = travel_m - self.kept.front().map_or(travel_m, |first| first.travel_m);
         let turned = step.is_some_and(|s| s.rotation.angle() > MIN_TURN_RAD);
-        let keep = self.kept.is_empty() || step_m >= self.config.min_step_m || turned;
+        let keep = self.kept.is_empty() || step_m >= share * self.config.min_step_m || turned;
 
         let due = !self.config.swathes || held_m >= self.config.distance_m;
         let live = due.then(|| {
@@ -214,10 +220,11 @@ impl Accumulator {
             self.kept.clear();
         }
         if keep || self.kept.is_empty() {
-            if self.kept.len() + 1 >= MAX_SWEEPS {
-                self.kept.pop_front();
-            }
             self.kept.push_back(newest);
+            let mut points: usize = self.kept.iter().map(|k| k.points_sensor.len()).sum();
+            while self.kept.len() > MAX_SWEEPS || (points > MAX_POINTS && self.kept.len() > 1) {
+                points -= self.kept.pop_front().map_or(0, |k| k.points_sensor.len());
+            }
         }
         live
     }
@@ -297,6 +304,32 @@ mod tests {
     fn standing_still_adds_nothing() {
         let clouds = drive(config(20.0), 1000, 0.0);
         assert!(clouds.iter().all(|c| c.sweeps <= 2));
+    }
+
+    /// A push-broom scanner's lines, 4 cm apart, all count; a scanner that sees all around is kept every half metre.
+    #[test]
+    fn sparse_sweeps_are_kept_closer() {
+        let sweep =
+            |n: usize| PointCloud::try_new((0..n).map(|i| [3.0 + i as f32 * 1e-3, 2.0, 0.5]).collect());
+        for (points, want) in [(300, 501), (1200, 126), (4000, 41), (9000, 41)] {
+            let mut accumulator = Accumulator::new(config(20.0)).unwrap();
+            let cloud = sweep(points).unwrap();
+            let poses = (0..=500).map(|i| Pose::translation(f64::from(i) * 0.04, 0.0, 0.0));
+            let last = poses.filter_map(|pose| accumulator.push(0.0, &cloud, Some(pose))).last().unwrap();
+            assert!(last.sweeps.abs_diff(want) <= 3, "{points} points: {} sweeps", last.sweeps);
+        }
+    }
+
+    #[test]
+    fn turning_on_the_spot_does_not_grow_without_end() {
+        // Swathes that never come due: what is kept is looked at, no cloud is made.
+        let mut accumulator = Accumulator::new(AccumulateConfig { swathes: true, ..config(20.0) }).unwrap();
+        let cloud = PointCloud::try_new(vec![[3.0, 2.0, 0.5]; 100_000]).unwrap();
+        for i in 0..120 {
+            let turn = Pose::rotation(nalgebra::Vector3::z() * f64::from(i) * 0.5);
+            assert!(accumulator.push(f64::from(i), &cloud, Some(turn)).is_none());
+        }
+        assert_eq!(accumulator.kept.len(), MAX_POINTS / cloud.len());
     }
 
     #[test]

@@ -87,9 +87,6 @@ pub struct Preset {
     /// Metres of travel that a live cloud holds in the data set this mirrors (`localize --accumulate`); 0 where every sweep is
     /// a cloud.
     pub accumulate_m: f64,
-    /// Metres between the sweeps that a cloud keeps (`accumulate.min_step_m`). Lines need it small: a cloud of them every half
-    /// metre holds no objects.
-    pub min_step_m: f64,
     /// The visit the map is made from.
     pub map: Tour,
     /// The visit that is localized.
@@ -125,7 +122,6 @@ pub const PRESETS: [Preset; 6] = [
         undistorted: false,
         drift: DRIFT,
         accumulate_m: 22.0,
-        min_step_m: 0.09,
         map: tour(ALL, 0, Season::February, 0.02),
         live: tour(ALL, 1, Season::February, 0.02),
     },
@@ -145,7 +141,6 @@ pub const PRESETS: [Preset; 6] = [
         undistorted: false,
         drift: DRIFT,
         accumulate_m: 0.0,
-        min_step_m: 0.5,
         map: tour(ALL, 0, Season::May, 0.04),
         live: tour(ALL, 1, Season::October, 0.04),
     },
@@ -165,7 +160,6 @@ pub const PRESETS: [Preset; 6] = [
         undistorted: false,
         drift: DRIFT,
         accumulate_m: 17.0,
-        min_step_m: 0.09,
         map: tour(ALL, 0, Season::February, 0.03),
         live: tour(ALL, 1, Season::May, 0.03),
     },
@@ -186,7 +180,6 @@ pub const PRESETS: [Preset; 6] = [
         undistorted: true,
         drift: DRIFT,
         accumulate_m: 20.0,
-        min_step_m: 0.5,
         map: tour((0.0, REVISIT_SHARE), 0, Season::October, 0.01),
         live: tour((REVISIT_SHARE, 1.0), 1, Season::October, 0.01),
     },
@@ -206,7 +199,6 @@ pub const PRESETS: [Preset; 6] = [
         undistorted: false,
         drift: DRIFT,
         accumulate_m: 10.0,
-        min_step_m: 0.5,
         map: tour(ALL, 0, Season::May, 0.05),
         live: tour(ALL, 1, Season::February, 0.05),
     },
@@ -226,7 +218,6 @@ pub const PRESETS: [Preset; 6] = [
         undistorted: true,
         drift: DRIFT,
         accumulate_m: 20.0,
-        min_step_m: 0.5,
         map: tour(ALL, 0, Season::May, 0.05),
         live: tour(ALL, 1, Season::October, 0.05),
     },
