@@ -3,4 +3,5 @@
 
 mod casting;
 mod recordings;
+mod resuming;
 mod worlds;
