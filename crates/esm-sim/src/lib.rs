@@ -29,6 +29,6 @@ pub use plan::Plan;
 pub use preset::{PRESETS, Preset, Tour, preset};
 pub use resume::{State, state};
 pub use sensor::{Firing, Point, Scan, Sensor, SensorModel, SweepSpec, sweep};
-pub use simulate::{Progress, Summary, simulate};
+pub use simulate::{Progress, Summary, check_scale, simulate};
 pub use tiles::Tiles;
 pub use world::{Class, Object, Season, TILE_M, Visit, World, WorldKind, tile_of};

@@ -91,6 +91,16 @@ impl<'a> Plan<'a> {
         sweep(&spec, scene, |t| self.trajectory.pose(t))
     }
 
+    /// Whether points are told in the sensor frame at the stamp, not at their own time.
+    pub fn is_undistorted(&self) -> bool {
+        self.preset.undistorted
+    }
+
+    /// `pose_map_sensor` at any time, seconds.
+    pub fn pose(&self, seconds: f64) -> Pose {
+        self.trajectory.pose(seconds)
+    }
+
     /// Metres travelled from the first sweep to the last.
     pub fn travel_m(&self) -> f64 {
         let step = |w: &[Pose]| (w[1].translation.vector - w[0].translation.vector).norm();

@@ -113,9 +113,7 @@ pub fn simulate(
     out_dir: &FilePath,
     progress: &mut dyn FnMut(Progress) -> bool,
 ) -> Result<Summary, Error> {
-    if !(0.005..=4.0).contains(&scale) {
-        return Err(Error::Scale { scale });
-    }
+    check_scale(scale)?;
     let _lock = resume::lock(out_dir)?;
     let mut record = Record::take_up(preset, seed, scale, out_dir)?;
     let mut summary = Summary::default();
@@ -133,6 +131,14 @@ pub fn simulate(
     }
     record.complete(out_dir)?;
     Ok(summary)
+}
+
+/// Checks a scale before any work is done.
+///
+/// # Errors
+/// [`Error::Scale`].
+pub fn check_scale(scale: f64) -> Result<(), Error> {
+    if (0.005..=4.0).contains(&scale) { Ok(()) } else { Err(Error::Scale { scale }) }
 }
 
 fn visit(
