@@ -57,8 +57,8 @@ pub(super) fn svg(preset: &Preset, seed: u64, scale: f64) -> anyhow::Result<Stri
     };
     let paths = Group::new()
         .set("clip-path", "url(#above)")
-        .add(path(&flat(&map.truth, &view), MAP_PATH))
-        .add(path(&flat(&live.truth, &view), LIVE_PATH))
+        .add(path(&flat(&map.truth, &view), MAP_PATH, 6.0))
+        .add(path(&flat(&live.truth, &view), LIVE_PATH, 2.4))
         .add(here(view.pixel(xy(&map.truth[sweep.sweep]))));
     let way = way(&map, preset, &sweep);
     let way = Group::new()
@@ -154,7 +154,7 @@ fn flat(truth: &[Pose], view: &View) -> Vec<[f64; 2]> {
 }
 
 /// A line with a dark edge, to be seen on anything.
-fn path(pixels: &[[f64; 2]], colour: &str) -> Group {
+fn path(pixels: &[[f64; 2]], colour: &str, width: f64) -> Group {
     let mut d = String::new();
     for (i, [x, y]) in pixels.iter().enumerate() {
         d.push_str(&format!("{}{x:.1} {y:.1}", if i == 0 { 'M' } else { 'L' }));
@@ -168,7 +168,7 @@ fn path(pixels: &[[f64; 2]], colour: &str) -> Group {
             .set("stroke-linecap", "round")
             .set("stroke-linejoin", "round")
     };
-    Group::new().add(stroke(CASING, 5.0).set("stroke-opacity", 0.55)).add(stroke(colour, 3.2))
+    Group::new().add(stroke(CASING, width + 1.8).set("stroke-opacity", 0.55)).add(stroke(colour, width))
 }
 
 /// Where the sweep was taken.
@@ -182,7 +182,7 @@ fn way(map: &Plan<'_>, preset: &Preset, sweep: &sweep::View3) -> Group {
     let start = ground(&map.truth[sweep.sweep]);
     let ahead = map.truth[sweep.sweep..].iter().map(ground).take_while(|p| (p - start).norm() < 60.0);
     let pixels: Vec<[f64; 2]> = ahead.filter_map(|p| sweep.camera.pixel(p)).map(|(px, _)| px).collect();
-    let line = path(&pixels, MAP_PATH).set("opacity", 0.75);
+    let line = path(&pixels, MAP_PATH, 3.2).set("opacity", 0.75);
     match sweep.camera.pixel(map.truth[sweep.sweep].translation.vector) {
         Some((at, _)) => Group::new().add(line).add(here(at)),
         None => Group::new().add(line),
