@@ -141,11 +141,11 @@ fn millions(n: u64) -> String {
 }
 
 fn files(dir: &Path) -> String {
-    let size = |name: &&str| {
+    let size = |name: &str| {
         let bytes = std::fs::metadata(dir.join(name)).map_or(0, |m| m.len());
         format!("{name} {:.1} MB", bytes as f64 * 1e-6)
     };
-    RECORDINGS.iter().map(|n| size(&n)).collect::<Vec<_>>().join(", ")
+    RECORDINGS.iter().map(|n| size(n)).collect::<Vec<_>>().join(", ")
 }
 
 fn json_report(args: &SimulateArgs, made: &Made) -> String {
