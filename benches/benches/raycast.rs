@@ -3,6 +3,7 @@
 
 #![allow(missing_docs)] // Criterion's macros.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -19,7 +20,8 @@ fn raycast(c: &mut Criterion) {
     {
         let world = World::new(kind, 100, 500.0, visit);
         let ride = preset("train-urban").expect("a preset").ride();
-        let trajectory = Trajectory::new(world.route().clone(), ride, Key::new(1), |x, y| world.height(x, y));
+        let height = |x, y| world.height(x, y);
+        let trajectory = Arc::new(Trajectory::new(world.route().clone(), ride, Key::new(1), height));
         let places: Vec<_> =
             (1..=4).map(|n| trajectory.pose(f64::from(n) * 12.0).translation.vector).collect();
         let scene = Tiles::new(&world).scene(&places, f64::from(sensor.max_range_m));
@@ -45,7 +47,7 @@ fn raycast(c: &mut Criterion) {
                     .sum::<usize>()
             });
         });
-        let movers = Movers::new(&world, &trajectory, (0.0, 60.0), 1.0, Key::new(2));
+        let movers = Movers::new(&world, Arc::clone(&trajectory), (0.0, 60.0), 1.0, Key::new(2));
         group.bench_function("4 sweeps HDL-64E, people and cars about", |b| {
             b.iter(|| {
                 (1..=4)

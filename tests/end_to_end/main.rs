@@ -12,4 +12,5 @@ mod licences;
 mod maps;
 mod outputs;
 mod pipeline;
+mod simulate;
 mod words;

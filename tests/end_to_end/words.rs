@@ -13,6 +13,8 @@ fn help_texts() {
     insta::assert_snapshot!("help_map_info", help(&["map", "info"]));
     insta::assert_snapshot!("help_localize", help(&["localize"]));
     insta::assert_snapshot!("help_loops", help(&["loops"]));
+    insta::assert_snapshot!("help_simulate", help(&["simulate"]));
+    insta::assert_snapshot!("help_demo", help(&["demo"]));
 }
 
 #[test]
@@ -50,6 +52,9 @@ fn completions_are_made_for_every_shell() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let script = esm!["completions", shell].ended(0).stdout;
         assert!(script.contains("localize") && script.contains("accumulate"), "{shell}");
+        assert!(script.contains("simulate") && script.contains("demo"), "{shell}");
+        // The scripts of the other shells do not complete the values of arguments that have no flag.
+        assert!(script.contains("george-square") || !["bash", "zsh"].contains(&shell), "{shell}");
     }
     esm!["completions", "tcsh"].ended(2);
 }
@@ -68,12 +73,14 @@ fn manual_pages_are_written() {
         [
             "esm-cli-completions.1",
             "esm-cli-config.1",
+            "esm-cli-demo.1",
             "esm-cli-localize.1",
             "esm-cli-loops.1",
             "esm-cli-man.1",
             "esm-cli-map-build.1",
             "esm-cli-map-info.1",
             "esm-cli-map.1",
+            "esm-cli-simulate.1",
             "esm-cli.1",
         ]
     );

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueHint};
 use clap_complete::Shell;
 
@@ -54,6 +55,10 @@ pub enum Command {
     Localize(Box<LocalizeArgs>),
     /// Find loop closures inside one recording
     Loops(Box<LoopsArgs>),
+    /// Simulate a world and record two visits to it, with their truth
+    Simulate(SimulateArgs),
+    /// The whole story on two small simulated places: simulate, map, localize; offline, in a minute
+    Demo(DemoArgs),
     /// Print the default configuration as commented TOML
     Config,
     /// Print a completion script
@@ -174,6 +179,61 @@ pub struct LoopsArgs {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub tune: TuneArgs,
+}
+
+/// `esm-cli simulate ...`
+#[derive(Debug, Args)]
+#[command(after_help = SIMULATE_FILES)]
+pub struct SimulateArgs {
+    /// What to simulate
+    #[arg(value_name = "PRESET", value_parser = presets())]
+    pub preset: String,
+    /// Seed of the world: 0-99 for training, 100-199 for tuning, 200 and up for judging only
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Length of the route, as a factor of the preset's own: 0.005 to 4
+    #[arg(long, value_name = "F", default_value_t = 1.0, allow_negative_numbers = true)]
+    pub scale: f64,
+    /// Directory for the recordings; made where it is missing
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub output: PathBuf,
+    /// Draw the world from above, and a sweep in perspective
+    #[arg(long, value_name = "FILE.png|FILE.svg", value_hint = ValueHint::FilePath)]
+    pub plot: Option<PathBuf>,
+    /// Worker threads; the recordings do not depend on it [default: one a core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Replace what a finished simulation has left in the directory
+    #[arg(long)]
+    pub force: bool,
+    /// One JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+const SIMULATE_FILES: &str = "\
+DIR holds map.mcap and live.mcap, the two visits; map_truth.tum and live_truth.tum, where the sensor
+truly was, both in the map frame; preset.toml, how they were made. Build the map with
+`map build DIR/map.mcap --poses DIR/map_truth.tum` to have it in the frame of the truth.
+A simulation that was stopped goes on where it was when the same command is given again.";
+
+/// The presets, with what they mirror.
+fn presets() -> PossibleValuesParser {
+    esm_sim::PRESETS.map(|p| PossibleValue::new(p.name).help(p.about)).into()
+}
+
+/// `esm-cli demo ...`
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Directory for recordings, maps, results and the picture; made where it is missing
+    #[arg(short, long, value_name = "DIR", default_value = "esm-demo", value_hint = ValueHint::DirPath)]
+    pub output: PathBuf,
+    /// Worker threads; the results do not depend on it [default: one a core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Length of the places, as a factor of the demo's own
+    #[arg(long, value_name = "F", default_value_t = 1.0, hide = true)]
+    pub scale: f64,
 }
 
 /// How live clouds are put together.

@@ -16,6 +16,12 @@ const FORMATS: &[Format] = &[Format { extension: ".esm" }];
 
 pub(crate) fn run(args: &BuildArgs) -> anyhow::Result<Outcome> {
     let started = std::time::Instant::now();
+    let map = build(args)?;
+    report(&args.output, &map, started)
+}
+
+/// Builds the map and writes it.
+pub(crate) fn build(args: &BuildArgs) -> anyhow::Result<Map> {
     Format::of(&args.output, FORMATS)?;
     check_distinct(&args.inputs)?;
     check_target(&args.output, &args.inputs)?;
@@ -46,7 +52,7 @@ pub(crate) fn run(args: &BuildArgs) -> anyhow::Result<Outcome> {
         map.write(&args.output)?;
     }
     bar.finish_and_clear();
-    report(&args.output, &map, started)
+    Ok(map)
 }
 
 /// Segments of overlapping windows along the recorded path.

@@ -97,7 +97,8 @@ pub(crate) fn table(path: &Path, map: &Map) -> String {
     rows.join("\n")
 }
 
-fn path_length(map: &Map) -> f64 {
+/// Metres of the mapped path.
+pub(crate) fn path_length(map: &Map) -> f64 {
     let step = |p: &[[f64; 3]]| (0..3).map(|a| (p[1][a] - p[0][a]).powi(2)).sum::<f64>().sqrt();
     map.path().windows(2).map(step).filter(|d| *d <= PATH_GAP_M).sum()
 }

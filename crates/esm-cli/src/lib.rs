@@ -13,6 +13,7 @@ mod build;
 mod completions;
 pub mod config_text;
 pub mod console;
+mod demo;
 mod info;
 pub mod inputs;
 mod localize;
@@ -23,6 +24,7 @@ pub mod output;
 mod plot;
 pub mod settings;
 mod signals;
+mod simulate;
 pub mod truth;
 
 use args::{Cli, Command, MapCommand};
@@ -46,6 +48,8 @@ fn run(command: Command) -> anyhow::Result<Outcome> {
         Command::Map { command: MapCommand::Info(args) } => info::run(&args),
         Command::Localize(args) => localize::run(&args),
         Command::Loops(args) => loops::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+        Command::Demo(args) => demo::run(&args),
         Command::Config => config_text::run(),
         Command::Completions { shell } => completions::shell(shell),
         Command::Man { dir } => completions::man(dir.as_deref()),

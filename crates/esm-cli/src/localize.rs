@@ -17,6 +17,23 @@ use crate::settings::{self, Settings};
 use crate::truth::{Judgement, Places, Tally, Trajectory};
 
 pub(crate) fn run(args: &LocalizeArgs) -> anyhow::Result<Outcome> {
+    let found = localize(args, Lines::new(args.output.is_none() && args.plot.is_none()))?;
+    Ok(if found.tally.located > 0 { Outcome::Done } else { Outcome::NothingLocalized })
+}
+
+/// What a run adds up to.
+pub(crate) struct Found {
+    pub(crate) map: Arc<Map>,
+    /// Every cloud, where it was asked for.
+    pub(crate) drive: Option<Drive>,
+    pub(crate) tally: Tally,
+    pub(crate) times: StageTimes,
+    /// What stands above the picture.
+    pub(crate) caption: Caption,
+}
+
+/// Localizes all clouds, and tells about them in `lines`.
+pub(crate) fn localize(args: &LocalizeArgs, lines: Lines) -> anyhow::Result<Found> {
     check_distinct(&args.inputs)?;
     check_outputs(args)?;
     let Settings { mut config, descriptor_given } = settings::configure(&args.tune, &args.live)?;
@@ -36,7 +53,7 @@ pub(crate) fn run(args: &LocalizeArgs) -> anyhow::Result<Outcome> {
         config.accumulate.distance_m = 0.0;
         config.accumulate.swathes = false;
     }
-    let mut run = Run::start(args, &config, &map, truth)?;
+    let mut run = Run::start(args, &config, &map, truth, lines)?;
     let mut accumulator = Accumulator::new(config.accumulate.clone())?;
     let mut stretch = 0;
     while let Some(frame) = frames.next()? {
@@ -103,6 +120,7 @@ impl<'a> Run<'a> {
         config: &Config,
         map: &Arc<Map>,
         truth: Option<Trajectory>,
+        lines: Lines,
     ) -> anyhow::Result<Self> {
         let places = match map.path() {
             [] => Places::in_cells(COVERAGE_CELL_M, map.coverage()),
@@ -117,9 +135,9 @@ impl<'a> Run<'a> {
             header: (!args.json).then(|| table_header(truth.is_some())),
             truth,
             accumulate_m: config.accumulate.distance_m,
-            lines: Lines::new(args.output.is_none() && args.plot.is_none()),
+            drive: (args.plot.is_some() || lines.is_silent()).then(Drive::default),
+            lines,
             poses: args.output.as_deref().map(|p| PoseWriter::create(p, map.frame_id())).transpose()?,
-            drive: args.plot.is_some().then(Drive::default),
             tally: Tally::default(),
             times: StageTimes::start(),
         })
@@ -155,7 +173,7 @@ impl<'a> Run<'a> {
         self.lines.line(&line)
     }
 
-    fn finish(mut self) -> anyhow::Result<Outcome> {
+    fn finish(mut self) -> anyhow::Result<Found> {
         if let Some(writer) = self.poses.take() {
             writer.finish()?;
         }
@@ -172,7 +190,8 @@ impl<'a> Run<'a> {
             true => json!({ "summary": summary.json() }).to_string(),
             false => format!("\n{}", summary.table()),
         })?;
-        Ok(if self.tally.located > 0 { Outcome::Done } else { Outcome::NothingLocalized })
+        let caption = self.caption();
+        Ok(Found { map: self.map, drive: self.drive, tally: self.tally, times: self.times, caption })
     }
 
     fn caption(&self) -> Caption {

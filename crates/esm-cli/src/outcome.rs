@@ -52,7 +52,8 @@ pub fn exit(result: anyhow::Result<Outcome>) -> ExitCode {
         // Whoever read our output has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if error.is::<Interrupted>() => {
-            console::say("interrupted");
+            // The context, where there is one, says how to go on.
+            console::say(&error.to_string());
             ExitCode::from(signals::CODE_INTERRUPTED)
         }
         Err(error) => {

@@ -83,7 +83,8 @@ fn read(path: &Path) -> anyhow::Result<(Config, bool)> {
     Ok((config, keys.contains_key("descriptor")))
 }
 
-fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
+/// Starts the worker threads, as many as asked for.
+pub(crate) fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
     let Some(threads) = threads else { return Ok(()) };
     if !(1..=MAX_THREADS).contains(&threads) {
         let what = format!("--threads {threads}: that many cannot work");

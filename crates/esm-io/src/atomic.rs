@@ -8,7 +8,7 @@ use tempfile::NamedTempFile;
 use crate::error::Error;
 
 /// A file under a temporary name beside its target; [`commit`](Self::commit) syncs it and moves it there.
-/// Dropped before that, it leaves nothing behind.
+/// Dropped before that, it leaves nothing behind, unless it was made to.
 pub(crate) struct AtomicFile {
     target: PathBuf,
     file: BufWriter<NamedTempFile>,
@@ -16,12 +16,26 @@ pub(crate) struct AtomicFile {
 
 impl AtomicFile {
     pub(crate) fn create(target: &Path) -> Result<Self, Error> {
+        let mut builder = tempfile::Builder::new();
+        Self::build(target, builder.prefix(".esm-").suffix(".part"))
+    }
+
+    /// Under a name of its own beside the target, which stays with what was written when this is dropped. What has that
+    /// name already is replaced.
+    pub(crate) fn create_lasting(target: &Path, name: &str) -> Result<Self, Error> {
+        match std::fs::remove_file(target.with_file_name(name)) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(Error::io(target, "creating", e)),
+            _ => {}
+        }
+        let mut builder = tempfile::Builder::new();
+        Self::build(target, builder.prefix(name).rand_bytes(0).disable_cleanup(true))
+    }
+
+    fn build(target: &Path, builder: &mut tempfile::Builder<'_, '_>) -> Result<Self, Error> {
         let directory = match target.parent() {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
         };
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".esm-").suffix(".part");
         // The result gets the permissions of any new file, not the private ones of a temporary file.
         #[cfg(unix)]
         {

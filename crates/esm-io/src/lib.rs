@@ -5,7 +5,8 @@
 //!   (else the motion alone is gathered first).
 //! - [`read_prior_cloud`], [`read_scan`]: `.las`, `.laz`, `.pcd`, `.ply`, KITTI `.bin`.
 //! - [`read_tum`], [`read_kitti_poses`], [`read_poses`]: trajectories; [`write_tum`] and [`PoseWriter`] write them.
-//! - [`RecordingWriter`]: clouds of any fields with odometry, as MCAP; [`write_file`]: any bytes, whole or not at all.
+//! - [`RecordingWriter`]: clouds of any fields with odometry, as MCAP, and [`KeptSweeps`], to go on after an interruption;
+//!   [`write_file`]: any bytes, whole or not at all.
 //!
 //! Points are f32 metres, poses f64. Points that are NaN, infinite or exactly (0, 0, 0), which is how sensors write "no
 //! return", are left out and counted. Every [`Error`] names the file, the place in it, and what to do; what reading could
@@ -32,5 +33,6 @@ pub use mcap_file::{Damage, Lost, Topic};
 pub use natural::natural_order;
 pub use pose::{PoseFile, StampedPose, read_kitti_poses, read_poses, read_tum, write_tum};
 pub use recording::{InputKind, OpenOptions, Recording, Sweep, Sweeps, Warning, classify};
+pub use ros::kept::{KeptSweep, KeptSweeps};
 pub use ros::pose_writer::PoseWriter;
 pub use ros::recording_writer::{CloudField, FieldType, RecordingLayout, RecordingWriter};

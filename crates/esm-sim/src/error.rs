@@ -22,18 +22,26 @@ pub enum Error {
         /// What was asked for.
         scale: f64,
     },
-    /// The output directory cannot be made.
-    #[error("{}: creating the directory: {source}\nhint: check the path and its permissions", path.display())]
+    /// The output directory cannot be made, or a file of it cannot be replaced.
+    #[error("{}: {doing}: {source}\nhint: check the path and its permissions", path.display())]
     Directory {
-        /// The directory.
+        /// The directory or the file.
         path: PathBuf,
+        /// What was being done.
+        doing: &'static str,
         /// The system's error.
         source: std::io::Error,
+    },
+    /// Another simulation is at work in the directory.
+    #[error("{}: another simulation is writing here\nhint: wait for it, or choose another directory", path.display())]
+    Busy {
+        /// The directory.
+        path: PathBuf,
     },
     /// A file could not be written.
     #[error(transparent)]
     Output(#[from] esm_io::Error),
     /// The caller asked to stop.
-    #[error("the simulation was interrupted\nhint: nothing incomplete was left behind; run it again")]
+    #[error("the simulation was interrupted\nhint: run it again to go on where it was")]
     Interrupted,
 }

@@ -1,25 +1,19 @@
 //! Whole recordings with their truth.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path as FilePath;
-use std::sync::Arc;
 
-use esm_core::Pose;
-use esm_io::{CloudField, FieldType, RecordingLayout, RecordingWriter, StampedPose, write_file, write_tum};
-use nalgebra::Vector3;
+use esm_io::{CloudField, FieldType, RecordingLayout, RecordingWriter, StampedPose, write_tum};
 use rayon::prelude::*;
 
-use crate::cast::{Scene, TileScene};
 use crate::error::Error;
-use crate::hash::Key;
-use crate::motion::{Trajectory, drifted};
-use crate::movers::Movers;
-use crate::preset::{Preset, Tour};
-use crate::sensor::{Point, Scan, SweepSpec, sweep_among};
-use crate::world::{TILE_M, World, tile_of};
+use crate::plan::Plan;
+use crate::preset::Preset;
+use crate::resume::{self, Record};
+use crate::sensor::Point;
+use crate::tiles::Tiles;
 
 /// Bytes of a point record.
-const POINT_STEP: usize = 28;
+pub(crate) const POINT_STEP: usize = 28;
 
 /// Fields of a point record; `class` tells the kind of the object.
 const FIELDS: [CloudField; 8] = {
@@ -38,9 +32,6 @@ const FIELDS: [CloudField; 8] = {
     ]
 };
 
-/// Worlds are made for routes at least this long, metres: smaller ones would be all bends.
-const LEAST_WORLD_M: f64 = 150.0;
-
 /// Names in the recordings.
 const LAYOUT: RecordingLayout<'static> = RecordingLayout {
     cloud_topic: "/points",
@@ -56,14 +47,14 @@ const LAYOUT: RecordingLayout<'static> = RecordingLayout {
 pub struct Progress {
     /// `map` or `live`.
     pub visit: &'static str,
-    /// Sweeps written.
+    /// Sweeps written, those kept from an interrupted run included.
     pub done: usize,
     /// Sweeps of the visit.
     pub total: usize,
 }
 
-/// What was made, both visits together.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// What was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Summary {
     /// Sweeps.
     pub sweeps: usize,
@@ -73,17 +64,38 @@ pub struct Summary {
     pub points: u64,
     /// Metres travelled.
     pub travel_m: f64,
+    /// Of the sweeps, those that an interrupted run had made.
+    #[serde(skip)]
+    pub kept: usize,
+    /// Sweeps of an interrupted run that were made again: this program makes other ones.
+    #[serde(skip)]
+    pub discarded: usize,
+}
+
+impl std::ops::AddAssign for Summary {
+    fn add_assign(&mut self, other: Self) {
+        self.sweeps += other.sweeps;
+        self.rays += other.rays;
+        self.points += other.points;
+        self.travel_m += other.travel_m;
+        self.kept += other.kept;
+        self.discarded += other.discarded;
+    }
 }
 
 /// Simulates both visits of a preset into a directory: `map.mcap`, `live.mcap`, `map_truth.tum`, `live_truth.tum` and, when
 /// all is done, `preset.toml`. `scale` multiplies the length of the route. `progress` hears of every batch of sweeps; where it
 /// answers `false` the simulation stops. The bytes depend on preset, seed and scale alone.
 ///
+/// A simulation that was stopped, by whatever, goes on where it was when it is called again with the same arguments: until all
+/// is done, `unfinished.toml` and the part of the recording in hand (`.map.mcap.part`) lie in the directory. Other arguments
+/// start afresh. What an earlier simulation has completed there is replaced; [`state`](crate::state) tells beforehand.
+///
 /// Clouds (`/points`, frame `lidar`) hold x y z intensity time ring object_id and class; `/odometry` (`odom` to `lidar`)
 /// drifts. Truth is `pose_map_sensor` at every sweep's stamp. Both visits share the map frame.
 ///
 /// # Errors
-/// [`Error::Scale`], [`Error::Directory`], [`Error::Output`], [`Error::Interrupted`].
+/// [`Error::Scale`], [`Error::Directory`], [`Error::Busy`], [`Error::Output`], [`Error::Interrupted`].
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -101,137 +113,76 @@ pub fn simulate(
     out_dir: &FilePath,
     progress: &mut dyn FnMut(Progress) -> bool,
 ) -> Result<Summary, Error> {
-    if !(0.005..=4.0).contains(&scale) {
-        return Err(Error::Scale { scale });
-    }
-    std::fs::create_dir_all(out_dir)
-        .map_err(|source| Error::Directory { path: out_dir.to_owned(), source })?;
+    check_scale(scale)?;
+    let _lock = resume::lock(out_dir)?;
+    let mut record = Record::take_up(preset, seed, scale, out_dir)?;
     let mut summary = Summary::default();
     for (name, tour) in [("map", &preset.map), ("live", &preset.live)] {
-        visit(preset, seed, scale, name, tour, out_dir, progress, &mut summary)?;
+        if let Some(made) = record.made(name, out_dir) {
+            summary += Summary { kept: made.sweeps, ..made };
+            continue;
+        }
+        let world = Plan::world(preset, seed, scale, tour);
+        let plan = Plan::new(preset, seed, scale, tour, &world);
+        let mut tiles = Tiles::new(&world);
+        let made = visit(&plan, name, &mut tiles, out_dir, progress)?;
+        record.set_made(name, made, out_dir)?;
+        summary += made;
     }
-    write_file(out_dir.join("preset.toml"), describe(preset, seed, scale).as_bytes())?;
+    record.complete(out_dir)?;
     Ok(summary)
 }
 
-/// The settings a recording was made with, as TOML.
-fn describe(preset: &Preset, seed: u64, scale: f64) -> String {
-    #[derive(serde::Serialize)]
-    struct File<'a> {
-        generator: &'a str,
-        seed: u64,
-        scale: f64,
-        sensor_source: &'a str,
-        preset: &'a Preset,
-    }
-    let file = File {
-        generator: concat!("esm-sim ", env!("CARGO_PKG_VERSION")),
-        seed,
-        scale,
-        sensor_source: preset.sensor.sensor().source,
-        preset,
-    };
-    // Numbers, texts and tables of them: nothing that TOML could refuse.
-    toml::to_string(&file).unwrap_or_default()
+/// Checks a scale before any work is done.
+///
+/// # Errors
+/// [`Error::Scale`].
+pub fn check_scale(scale: f64) -> Result<(), Error> {
+    if (0.005..=4.0).contains(&scale) { Ok(()) } else { Err(Error::Scale { scale }) }
 }
 
-#[allow(clippy::too_many_arguments)] // Called once, from above.
 fn visit(
-    preset: &Preset,
-    seed: u64,
-    scale: f64,
+    plan: &Plan<'_>,
     name: &'static str,
-    tour: &Tour,
+    tiles: &mut Tiles<'_>,
     out_dir: &FilePath,
     progress: &mut dyn FnMut(Progress) -> bool,
-    summary: &mut Summary,
-) -> Result<(), Error> {
-    let length = preset.length_m * scale;
-    let world = World::new(preset.world, seed, length.max(LEAST_WORLD_M), tour.visit);
-    let key = Key::new(seed).with(0x5EE9).with(tour.visit.number.into());
-    let trajectory =
-        Trajectory::new(tour.way(&world, length), preset.ride(), key.with(1), |x, y| world.height(x, y));
-    let sensor = preset.sensor();
-    let end = length.min(trajectory.length());
-    let stamps = stamps(preset, &trajectory, tour.part.0 * end, tour.part.1 * end, sensor.period_s);
-    let truth: Vec<Pose> = stamps.iter().map(|ns| trajectory.pose(seconds(*ns))).collect();
-    let odometry = drifted(&truth, preset.drift, key.with(2));
-    let ends = (stamps.first().copied().unwrap_or(0), stamps.last().copied().unwrap_or(0));
-    let span = (seconds(ends.0) - sensor.period_s, seconds(ends.1));
-    let movers = Movers::new(&world, &trajectory, span, tour.movers, key.with(4));
-    let path = out_dir.join(format!("{name}.mcap"));
-    let mut writer = RecordingWriter::create(&path, &LAYOUT)?;
-    let mut tiles = Tiles::new(&world);
-    // Batches of a fixed size: what is in memory does not grow with the recording.
-    let batch = match sensor.scan {
-        Scan::Spinning { .. } => 16,
-        Scan::Line { .. } => 512,
+) -> Result<Summary, Error> {
+    let total = plan.stamps_ns.len();
+    let mut report = |done| match progress(Progress { visit: name, done, total }) {
+        true => Ok(()),
+        false => Err(Error::Interrupted),
     };
-    for start in (0..stamps.len()).step_by(batch) {
-        let range = start..(start + batch).min(stamps.len());
-        let places: Vec<Vector3<f64>> = truth[range.clone()].iter().map(|p| p.translation.vector).collect();
-        let scene = tiles.scene(&places, f64::from(sensor.max_range_m));
-        let clouds: Vec<Vec<u8>> = range
-            .clone()
-            .into_par_iter()
-            .map(|n| {
-                let spec = SweepSpec {
-                    sensor: &sensor,
-                    stamp_s: seconds(stamps[n]),
-                    undistorted: preset.undistorted,
-                    key: key.with(3).with(n as u64),
-                };
-                records(&sweep_among(&spec, &scene, &movers, |t| trajectory.pose(t)))
-            })
-            .collect();
+    let (mut writer, mut summary) = resume::start(plan, name, tiles, out_dir, &mut report)?;
+    let mut done = summary.kept;
+    while done < total {
+        let scene = plan.scene(tiles, done);
+        let range = done..plan.batch(done).end;
+        let clouds: Vec<Vec<u8>> =
+            range.clone().into_par_iter().map(|n| records(&plan.sweep(n, &scene))).collect();
         for (n, cloud) in range.clone().zip(&clouds) {
-            writer.write_odometry(stamps[n], &odometry[n])?;
-            writer.write_cloud(stamps[n], cloud)?;
+            writer.write_odometry(plan.stamps_ns[n], &plan.odometry[n])?;
+            writer.write_cloud(plan.stamps_ns[n], cloud)?;
             summary.points += (cloud.len() / POINT_STEP) as u64;
         }
-        summary.rays += (range.len() * sensor.rays()) as u64;
-        if !progress(Progress { visit: name, done: range.end, total: stamps.len() }) {
-            return Err(Error::Interrupted);
-        }
+        done = range.end;
+        report(done)?;
     }
     writer.finish()?;
-    let poses = stamps.iter().zip(&truth).map(|(ns, pose)| StampedPose { stamp_ns: *ns, pose: *pose });
+    let poses =
+        plan.stamps_ns.iter().zip(&plan.truth).map(|(ns, pose)| StampedPose { stamp_ns: *ns, pose: *pose });
     write_tum(out_dir.join(format!("{name}_truth.tum")), poses)?;
-    summary.sweeps += stamps.len();
-    summary.travel_m +=
-        truth.windows(2).map(|w| (w[1].translation.vector - w[0].translation.vector).norm()).sum::<f64>();
-    Ok(())
+    let rays = (total * plan.sensor.rays()) as u64;
+    Ok(Summary { sweeps: total, rays, travel_m: plan.travel_m(), ..summary })
 }
 
-/// When sweeps are recorded, nanoseconds, on whole periods of the sensor.
-fn stamps(preset: &Preset, trajectory: &Trajectory<'_>, from: f64, to: f64, period: f64) -> Vec<i64> {
-    let (first, last) = (
-        (trajectory.time_at(from) / period).floor() as i64 + 1,
-        (trajectory.time_at(to) / period).floor() as i64,
-    );
-    let ns = (period * 1e9).round() as i64;
-    let every_one = (first..=last).map(|n| n * ns);
-    if preset.spacing_m <= 0.0 {
-        return every_one.collect();
-    }
-    let mut due = from;
-    let mut out = Vec::new();
-    for stamp in every_one {
-        let s = trajectory.travelled(seconds(stamp));
-        if s >= due {
-            out.push(stamp);
-            due = (due + preset.spacing_m).max(s);
-        }
-    }
-    out
-}
-
-fn seconds(ns: i64) -> f64 {
-    ns as f64 * 1e-9
+/// Starts a visit's recording, its unfinished part under a name that stays.
+pub(crate) fn create(path: &FilePath, part: &str) -> Result<RecordingWriter, Error> {
+    Ok(RecordingWriter::create_lasting(path, part, &LAYOUT)?)
 }
 
 /// The points as little-endian records of [`FIELDS`].
-fn records(points: &[Point]) -> Vec<u8> {
+pub(crate) fn records(points: &[Point]) -> Vec<u8> {
     let mut out = Vec::with_capacity(points.len() * POINT_STEP);
     for p in points {
         for v in [p.xyz[0], p.xyz[1], p.xyz[2], p.intensity, p.time] {
@@ -242,44 +193,4 @@ fn records(points: &[Point]) -> Vec<u8> {
         out.extend([p.class as u8, 0]);
     }
     out
-}
-
-/// The tiles in use, made when they come near and forgotten behind.
-pub struct Tiles<'a> {
-    world: &'a World,
-    made: BTreeMap<(i32, i32), Arc<TileScene>>,
-}
-
-impl<'a> Tiles<'a> {
-    /// None yet.
-    pub fn new(world: &'a World) -> Self {
-        Self { world, made: BTreeMap::new() }
-    }
-
-    /// The scene of all tiles within `range` metres of any of some places.
-    pub fn scene(&mut self, places: &[Vector3<f64>], range: f64) -> Scene {
-        let mut wanted = BTreeSet::new();
-        for p in places {
-            let (low, high) = (tile_of(p.x - range, p.y - range), tile_of(p.x + range, p.y + range));
-            for i in low.0..=high.0 {
-                for j in low.1..=high.1 {
-                    // Nearest point of the tile.
-                    let off = |v: f64, t: i32| {
-                        let a = f64::from(t) * TILE_M;
-                        v - v.clamp(a, a + TILE_M)
-                    };
-                    if off(p.x, i).hypot(off(p.y, j)) <= range {
-                        wanted.insert((i, j));
-                    }
-                }
-            }
-        }
-        self.made.retain(|tile, _| wanted.contains(tile));
-        let missing: Vec<(i32, i32)> =
-            wanted.iter().filter(|t| !self.made.contains_key(t)).copied().collect();
-        let new: Vec<TileScene> = missing.par_iter().map(|t| self.world.tile(*t)).collect();
-        self.made.extend(missing.into_iter().zip(new.into_iter().map(Arc::new)));
-        let origin = places.first().copied().unwrap_or_default();
-        Scene::new(origin, self.made.values().cloned())
-    }
 }

@@ -45,6 +45,16 @@ impl Lines {
         Self { needed, open: true }
     }
 
+    /// Writes nothing, and says nothing about it.
+    pub(crate) fn silent() -> Self {
+        Self { needed: false, open: false }
+    }
+
+    /// Whether nothing is written from the start.
+    pub(crate) fn is_silent(&self) -> bool {
+        !self.open
+    }
+
     /// Writes a line.
     ///
     /// # Errors

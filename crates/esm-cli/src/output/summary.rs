@@ -34,6 +34,11 @@ impl StageTimes {
         self.stages.last().and_then(|(_, q)| q.at(0.5))
     }
 
+    /// Every stage with its median, the total last; milliseconds.
+    pub(crate) fn medians(&self) -> Vec<(&'static str, Option<f64>)> {
+        self.stages.iter().map(|(name, q)| (*name, q.at(0.5))).collect()
+    }
+
     /// `{"total": {"p50":..,"p95":..,"max":..}, ...}`, milliseconds.
     pub(crate) fn json(&self) -> Value {
         let of =

@@ -20,16 +20,49 @@ const PATH_GAP_M: f64 = 20.0;
 const STRAY_SHARE: f64 = 0.005;
 
 /// The whole picture. `unplaced` clouds are only counted.
-pub(crate) fn svg(map: &Map, places: &[Place], unplaced: usize, caption: &Caption) -> anyhow::Result<String> {
-    let view = view(map, places);
-    let clip = Definitions::new().add(ClipPath::new().set("id", "area").add(area(&view)));
+pub(crate) fn svg(
+    map: &Map,
+    places: &[Place],
+    unplaced: usize,
+    caption: &Caption,
+) -> anyhow::Result<Document> {
+    let bounds = bounds(map, places);
+    panel(map, places, unplaced, caption, &View::of(bounds[0], bounds[1]), "area")
+}
+
+/// Several pictures, one above the other, each with the drawing areas of these lowest and highest heights in pixels.
+pub(super) fn stacked(
+    panels: &[(&Map, Vec<Place>, usize, &Caption)],
+    heights: (f64, f64),
+) -> anyhow::Result<Document> {
+    let (mut document, mut top) = (Document::new(), 0.0);
+    for (i, (map, places, unplaced, caption)) in panels.iter().enumerate() {
+        let bounds = bounds(map, places);
+        let view = View::within(bounds[0], bounds[1], heights);
+        let panel = panel(map, places, *unplaced, caption, &view, &format!("area{i}"))?;
+        document = document.add(panel.set("y", top));
+        top += view.height();
+    }
+    Ok(document.set("width", WIDTH).set("height", top).set("viewBox", (0, 0, WIDTH, top)))
+}
+
+/// One picture; `id` is unique in the document.
+fn panel(
+    map: &Map,
+    places: &[Place],
+    unplaced: usize,
+    caption: &Caption,
+    view: &View,
+    id: &str,
+) -> anyhow::Result<Document> {
+    let clip = Definitions::new().add(ClipPath::new().set("id", id).add(area(view)));
     let inside = Group::new()
-        .set("clip-path", "url(#area)")
-        .add(grid(&view))
-        .add(backdrop::draw(map, &view)?)
-        .add(mapped_path(map, &view))
-        .add(matches(places, &view))
-        .add(drive(places, &view));
+        .set("clip-path", format!("url(#{id})"))
+        .add(grid(view))
+        .add(backdrop::draw(map, view)?)
+        .add(mapped_path(map, view))
+        .add(matches(places, view))
+        .add(drive(places, view));
     let document = Document::new()
         .set("width", WIDTH)
         .set("height", view.height())
@@ -38,15 +71,16 @@ pub(crate) fn svg(map: &Map, places: &[Place], unplaced: usize, caption: &Captio
         .add(clip)
         .add(Rectangle::new().set("width", "100%").set("height", "100%").set("fill", PAPER))
         .add(inside)
-        .add(area(&view).set("fill", "none").set("stroke", FRAME).set("stroke-width", 1.5))
-        .add(axes(&view))
-        .add(scale_bar(&view))
+        .add(area(view).set("fill", "none").set("stroke", FRAME).set("stroke-width", 1.5))
+        .add(axes(view))
+        .add(scale_bar(view))
         .add(heading(caption))
-        .add(legend(map, places, unplaced, &view));
-    Ok(document.to_string())
+        .add(legend(map, places, unplaced, view));
+    Ok(document)
 }
 
-fn view(map: &Map, places: &[Place]) -> View {
+/// Lower left and upper right corner of all that is shown, metres.
+fn bounds(map: &Map, places: &[Place]) -> [[f64; 2]; 2] {
     let origin = map.origin();
     let mut bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
     let mut widen = |p: [f64; 2]| {
@@ -70,7 +104,7 @@ fn view(map: &Map, places: &[Place]) -> View {
     widen([xs[1], ys[1]]);
     map.path().iter().for_each(|p| widen([p[0], p[1]]));
     places.iter().for_each(|p| widen(p.at));
-    View::of(bounds[0], bounds[1])
+    bounds
 }
 
 fn area(view: &View) -> Rectangle {
@@ -119,7 +153,7 @@ fn axes(view: &View) -> Group {
     )
 }
 
-fn scale_bar(view: &View) -> Group {
+pub(super) fn scale_bar(view: &View) -> Group {
     let metres = round_length(0.16 * view.area[0] / view.scale);
     let length = metres * view.scale;
     let [left, bottom] = view.pixel(view.min);
@@ -144,7 +178,7 @@ fn scale_bar(view: &View) -> Group {
     Group::new().add(plate).add(bar).add(label)
 }
 
-fn heading(caption: &Caption) -> Group {
+pub(super) fn heading(caption: &Caption) -> Group {
     let title = text(&caption.title, [MARGIN[0], 52.0])
         .set("font-size", fitting(&caption.title, TITLE_PX))
         .set("font-weight", "bold")
@@ -156,12 +190,12 @@ fn heading(caption: &Caption) -> Group {
 }
 
 /// The wanted size, or the largest at which the line fits.
-fn fitting(line: &str, wanted_px: f64) -> f64 {
+pub(super) fn fitting(line: &str, wanted_px: f64) -> f64 {
     wanted_px.min((WIDTH - MARGIN[0] - MARGIN[2]) / text_width(line, 1.0))
 }
 
 /// At least as wide as the font draws it: DejaVu Sans is 0.6 em a character on average, its bold 0.68.
-fn text_width(line: &str, px: f64) -> f64 {
+pub(super) fn text_width(line: &str, px: f64) -> f64 {
     0.66 * px * line.chars().count() as f64
 }
 
@@ -331,14 +365,14 @@ fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-fn line(from: [f64; 2], to: [f64; 2]) -> Line {
+pub(super) fn line(from: [f64; 2], to: [f64; 2]) -> Line {
     Line::new().set("x1", from[0]).set("y1", from[1]).set("x2", to[0]).set("y2", to[1])
 }
 
-fn circle([x, y]: [f64; 2], radius: f64) -> Circle {
+pub(super) fn circle([x, y]: [f64; 2], radius: f64) -> Circle {
     Circle::new().set("cx", x).set("cy", y).set("r", radius)
 }
 
-fn text(content: impl Into<String>, [x, y]: [f64; 2]) -> Text {
+pub(super) fn text(content: impl Into<String>, [x, y]: [f64; 2]) -> Text {
     Text::new(content).set("x", x).set("y", y)
 }

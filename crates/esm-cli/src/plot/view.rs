@@ -21,11 +21,16 @@ pub(crate) struct View {
 impl View {
     /// Shows the box from `min` to `max`, metres.
     pub(crate) fn of(min: [f64; 2], max: [f64; 2]) -> Self {
+        Self::within(min, max, AREA_HEIGHT)
+    }
+
+    /// The same, with the lowest and highest drawing area in pixels.
+    pub(crate) fn within(min: [f64; 2], max: [f64; 2], heights: (f64, f64)) -> Self {
         let border = |i: usize| (BORDER.0 * (max[i] - min[i])).max(BORDER.1);
         let (mut min, mut max) = ([0, 1].map(|i| min[i] - border(i)), [0, 1].map(|i| max[i] + border(i)));
         let width = WIDTH - MARGIN[0] - MARGIN[2];
         let fit = width / (max[0] - min[0]);
-        let height = (fit * (max[1] - min[1])).clamp(AREA_HEIGHT.0, AREA_HEIGHT.1);
+        let height = (fit * (max[1] - min[1])).clamp(heights.0, heights.1);
         let scale = fit.min(height / (max[1] - min[1]));
         // What is narrower than the area stands in its middle.
         for (i, pixels) in [width, height].into_iter().enumerate() {

@@ -35,6 +35,8 @@ pub(crate) enum Wanted {
     Nothing,
     /// Those of these channels.
     Channels(BTreeSet<u16>),
+    /// All of them.
+    Everything,
 }
 
 /// One message; its bytes are in [`MessageStream::data`].
@@ -421,6 +423,7 @@ fn count(
     *read.entry(message.channel).or_default() += 1;
     match wanted {
         Wanted::Nothing => false,
+        Wanted::Everything => true,
         Wanted::Channels(ids) => ids.contains(&message.channel),
     }
 }

@@ -69,6 +69,18 @@ pub(crate) fn decode(message: &[u8]) -> Result<RosCloud, String> {
     Ok(RosCloud { header, cloud, dropped })
 }
 
+/// The point records of a message, one after the other, whatever their fields are.
+pub(crate) fn records(message: &[u8]) -> Result<&[u8], String> {
+    let mut cdr = CdrReader::new(message)?;
+    Header::read(&mut cdr)?;
+    let (_height, _width) = (cdr.u32()?, cdr.u32()?);
+    // Whether there are x, y and z is no matter here.
+    let _ = read_fields(&mut cdr)?;
+    let _big_endian = cdr.u8()?;
+    let (_point_step, _row_step) = (cdr.u32()?, cdr.u32()?);
+    cdr.byte_sequence()
+}
+
 /// Reads the field list; the inner error says that x, y or z is missing, which an empty cloud may do without.
 fn read_fields(cdr: &mut CdrReader<'_>) -> Result<Result<[(usize, Scalar); 3], String>, String> {
     let n = cdr.u32()?;

@@ -122,7 +122,11 @@ impl PoseWriter {
 
 pub(super) fn write_error(path: &Path, error: McapError) -> Error {
     let source = match error {
-        McapError::Io(e) => e,
+        // Nobody typed the temporary name that stands in the text.
+        McapError::Io(e) => match e.to_string().split_once(" at path ") {
+            Some((what, _)) => std::io::Error::new(e.kind(), what.to_owned()),
+            None => e,
+        },
         other => std::io::Error::other(other.to_string()),
     };
     Error::io(path, "writing", source)

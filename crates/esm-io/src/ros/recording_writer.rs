@@ -8,11 +8,12 @@ use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
 
 use super::cdr_writer::CdrWriter;
+use super::kept::KeptSweep;
 use super::pose_writer::write_error;
 use crate::atomic::AtomicFile;
 use crate::error::Error;
 
-const CLOUD_SCHEMA_NAME: &str = "sensor_msgs/msg/PointCloud2";
+pub(super) const CLOUD_SCHEMA_NAME: &str = "sensor_msgs/msg/PointCloud2";
 const CLOUD_SCHEMA: &str = "\
 std_msgs/Header header
 uint32 height
@@ -47,7 +48,7 @@ int32 sec
 uint32 nanosec
 ";
 
-const ODOMETRY_SCHEMA_NAME: &str = "nav_msgs/msg/Odometry";
+pub(super) const ODOMETRY_SCHEMA_NAME: &str = "nav_msgs/msg/Odometry";
 const ODOMETRY_SCHEMA: &str = "\
 std_msgs/Header header
 string child_frame_id
@@ -182,7 +183,24 @@ impl RecordingWriter {
     /// # Errors
     /// [`Error::Io`].
     pub fn create(path: impl AsRef<Path>, layout: &RecordingLayout<'_>) -> Result<Self, Error> {
-        let path = path.as_ref().to_owned();
+        Self::start(path.as_ref(), AtomicFile::create(path.as_ref())?, layout)
+    }
+
+    /// The same, and what was written stays in the file `part` beside it where this is not finished. [`KeptSweeps`] reads it
+    /// again. What is called so before is replaced.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn create_lasting(
+        path: impl AsRef<Path>,
+        part: &str,
+        layout: &RecordingLayout<'_>,
+    ) -> Result<Self, Error> {
+        Self::start(path.as_ref(), AtomicFile::create_lasting(path.as_ref(), part)?, layout)
+    }
+
+    fn start(path: &Path, file: AtomicFile, layout: &RecordingLayout<'_>) -> Result<Self, Error> {
+        let path = path.to_owned();
         let failed = |e| write_error(&path, e);
         let options = WriteOptions::new()
             .profile("ros2")
@@ -190,7 +208,7 @@ impl RecordingWriter {
             .chunk_size(Some(CHUNK_BYTES))
             // Its number of threads must not show in the bytes.
             .compression_threads(0);
-        let mut writer = options.create(AtomicFile::create(&path)?).map_err(failed)?;
+        let mut writer = options.create(file).map_err(failed)?;
         let mut channel = |topic: &str, name: &str, schema: &str| {
             let schema = writer.add_schema(name, "ros2msg", schema.as_bytes())?;
             writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
@@ -250,6 +268,15 @@ impl RecordingWriter {
         // Covariance of the pose, twist, covariance of the twist.
         cdr.f64s(&[0.0; 36 + 6 + 36]);
         self.write(1, self.odometry_channel, stamp_ns, &cdr.finish())
+    }
+
+    /// Writes what an interrupted run has left of a sweep: the same bytes as then.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write_kept(&mut self, sweep: &KeptSweep) -> Result<(), Error> {
+        self.write(1, self.odometry_channel, sweep.stamp_ns, &sweep.odometry)?;
+        self.write(0, self.cloud_channel, sweep.stamp_ns, &sweep.cloud)
     }
 
     fn write(&mut self, topic: usize, channel_id: u16, stamp_ns: i64, message: &[u8]) -> Result<(), Error> {

@@ -29,12 +29,17 @@ pub struct Trajectory<'a> {
     path: Path,
     ride: Ride,
     key: Key,
-    height: Box<dyn Fn(f64, f64) -> f64 + Sync + 'a>,
+    height: Box<dyn Fn(f64, f64) -> f64 + Send + Sync + 'a>,
 }
 
 impl<'a> Trajectory<'a> {
     /// A ride along a path over a terrain.
-    pub fn new(path: Path, ride: Ride, key: Key, height: impl Fn(f64, f64) -> f64 + Sync + 'a) -> Self {
+    pub fn new(
+        path: Path,
+        ride: Ride,
+        key: Key,
+        height: impl Fn(f64, f64) -> f64 + Send + Sync + 'a,
+    ) -> Self {
         Self { path, ride, key, height: Box::new(height) }
     }
 

@@ -62,13 +62,13 @@ impl<'a> Crowd<'a> {
             if stamp_s < first || stamp_s - active_s > last {
                 return None;
             }
-            let here = mover.place(movers.trajectory, stamp_s)?;
+            let here = mover.place(&movers.trajectory, stamp_s)?;
             if (here.x - sensor.x).hypot(here.y - sensor.y) > reach {
                 return None;
             }
             let knot = |n: usize| {
                 let t = stamp_s - active_s * (1.0 - n as f64 / pieces as f64);
-                let p = mover.place(movers.trajectory, t)?;
+                let p = mover.place(&movers.trajectory, t)?;
                 let z = movers.world.height(p.x, p.y);
                 let at = (Vector3::new(p.x, p.y, z) - origin).cast::<f32>();
                 Some(Knot { at, yaw: p.yaw as f32, along: p.along })

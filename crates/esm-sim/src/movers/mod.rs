@@ -39,7 +39,7 @@ pub struct Mover {
 /// All that moves at a visit, about one ride through it.
 pub struct Movers<'a> {
     world: &'a World,
-    trajectory: &'a Trajectory<'a>,
+    trajectory: Arc<Trajectory<'a>>,
     list: Vec<Mover>,
 }
 
@@ -49,12 +49,12 @@ impl<'a> Movers<'a> {
     /// afternoon, 0 nobody, 20 the most. None of them comes so near that it would touch the sensor's carrier.
     pub fn new(
         world: &'a World,
-        trajectory: &'a Trajectory<'a>,
+        trajectory: Arc<Trajectory<'a>>,
         (from_s, to_s): (f64, f64),
         density: f64,
         key: Key,
     ) -> Self {
-        let list = populate::populate(world, trajectory, (from_s, to_s), density, key);
+        let list = populate::populate(world, &trajectory, (from_s, to_s), density, key);
         Self { world, trajectory, list }
     }
 
@@ -65,7 +65,7 @@ impl<'a> Movers<'a> {
 
     /// `pose_map_mover` at a time: x ahead, z up, the origin on the ground; `None` while it is not there.
     pub fn pose(&self, mover: &Mover, seconds: f64) -> Option<Pose> {
-        let at = mover.place(self.trajectory, seconds)?;
+        let at = mover.place(&self.trajectory, seconds)?;
         let place = Vector3::new(at.x, at.y, self.world.height(at.x, at.y));
         Some(Pose::from_parts(
             Translation3::from(place),
@@ -75,7 +75,7 @@ impl<'a> Movers<'a> {
 
     /// The surface it has at a time, in its own frame.
     pub fn surface<'b>(&self, mover: &'b Mover, seconds: f64) -> Option<&'b Scene> {
-        Some(mover.body(mover.place(self.trajectory, seconds)?.along).scene())
+        Some(mover.body(mover.place(&self.trajectory, seconds)?.along).scene())
     }
 }
 

@@ -5,4 +5,5 @@ mod casting;
 mod movers;
 mod presets;
 mod recordings;
+mod resuming;
 mod worlds;

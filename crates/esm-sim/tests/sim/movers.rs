@@ -1,5 +1,7 @@
 //! What moves within a visit: where it is, that beams meet it there, its numbers, and that it keeps clear of the sensor.
 
+use std::sync::Arc;
+
 use std::collections::BTreeMap;
 
 use esm_sim::{
@@ -19,10 +21,10 @@ fn ride<T>(
 ) -> T {
     let preset = preset(name).unwrap();
     let world = World::new(preset.world, seed, 400.0, VISIT);
-    let trajectory =
-        Trajectory::new(world.route().clone(), preset.ride(), Key::new(seed), |x, y| world.height(x, y));
+    let height = |x, y| world.height(x, y);
+    let trajectory = Arc::new(Trajectory::new(world.route().clone(), preset.ride(), Key::new(seed), height));
     let end = trajectory.time_at(390.0);
-    let movers = Movers::new(&world, &trajectory, (0.0, end), density, Key::new(seed).with(1));
+    let movers = Movers::new(&world, Arc::clone(&trajectory), (0.0, end), density, Key::new(seed).with(1));
     of(&world, &trajectory, &movers, end)
 }
 
