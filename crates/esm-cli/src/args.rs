@@ -59,6 +59,8 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// The whole story on two small simulated places: simulate, map, localize; offline, in a minute
     Demo(DemoArgs),
+    /// Cut recordings whose poses are known into labelled segments, for training and judging descriptors
+    Segments(Box<SegmentsArgs>),
     /// Print the default configuration as commented TOML
     Config,
     /// Print a completion script
@@ -235,6 +237,45 @@ pub struct DemoArgs {
     #[arg(long, value_name = "F", default_value_t = 1.0, hide = true)]
     pub scale: f64,
 }
+
+/// `esm-cli segments ...`
+#[derive(Debug, Args)]
+#[command(after_help = SEGMENTS_WORDS)]
+pub struct SegmentsArgs {
+    /// Directories that `simulate` has made, each a place of its own; or recordings of one place
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::AnyPath)]
+    pub inputs: Vec<PathBuf>,
+    /// Directory for the set, which must not exist yet
+    #[arg(short, long, value_name = "SET", value_hint = ValueHint::DirPath)]
+    pub output: PathBuf,
+    /// Where the sensor truly was, one file a recording and all in one frame [default: the odometry]
+    #[arg(long, value_name = "FILE.tum", value_hint = ValueHint::FilePath)]
+    pub truth: Vec<PathBuf>,
+    /// Name of the place [default: that of the first recording]
+    #[arg(long, value_name = "NAME")]
+    pub place: Option<String>,
+    /// Metres of travel a cloud holds; several lengths give clouds of each
+    #[arg(long, value_name = "D[,D]", value_delimiter = ',', default_value = "20")]
+    pub accumulate: Vec<f64>,
+    /// Metres of travel between two clouds that are cut
+    #[arg(long, value_name = "M", default_value_t = 5.0)]
+    pub step: f64,
+    /// One JSON object instead of a line
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub read: ReadArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tune: TuneArgs,
+}
+
+const SEGMENTS_WORDS: &str = "\
+Where points carry the field object_id, as the simulator's do, a segment is named after the object
+that has most of its points. Elsewhere segments within 0.5 m of each other are one object, those more
+than 4 m apart are different ones, and the others have no name. The set is a directory of NumPy
+arrays; python/train/DATA.md describes it.";
 
 /// How live clouds are put together.
 #[derive(Debug, Default, Args)]

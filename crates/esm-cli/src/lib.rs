@@ -22,6 +22,7 @@ mod memory;
 pub mod outcome;
 pub mod output;
 mod plot;
+mod segments;
 pub mod settings;
 mod signals;
 mod simulate;
@@ -50,6 +51,7 @@ fn run(command: Command) -> anyhow::Result<Outcome> {
         Command::Loops(args) => loops::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Segments(args) => segments::run(&args),
         Command::Config => config_text::run(),
         Command::Completions { shell } => completions::shell(shell),
         Command::Man { dir } => completions::man(dir.as_deref()),

@@ -34,5 +34,6 @@ pub use natural::natural_order;
 pub use pose::{PoseFile, StampedPose, read_kitti_poses, read_poses, read_tum, write_tum};
 pub use recording::{InputKind, OpenOptions, Recording, Sweep, Sweeps, Warning, classify};
 pub use ros::kept::{KeptSweep, KeptSweeps};
+pub use ros::point_cloud2::PointLabel;
 pub use ros::pose_writer::PoseWriter;
 pub use ros::recording_writer::{CloudField, FieldType, RecordingLayout, RecordingWriter};

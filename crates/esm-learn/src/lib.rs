@@ -14,7 +14,8 @@ mod survey;
 mod votes;
 
 pub use error::Error;
+pub use esm_io::PointLabel;
 pub use identity::{Identities, IdentityRule};
 pub use set::{Row, SegmentSetWriter, SetInfo};
 pub use survey::{Found, Surveyor};
-pub use votes::{PointLabel, UNKNOWN_CLASS};
+pub use votes::UNKNOWN_CLASS;

@@ -4,12 +4,13 @@ use std::collections::VecDeque;
 
 use esm_core::segment::{SegmentConfig, segment};
 use esm_core::{AccumulateConfig, Accumulator, PointCloud, Pose, transform_point};
+use esm_io::PointLabel;
 use nalgebra::{Point3, Vector3};
 use rustc_hash::FxHashSet;
 
 use crate::error::Error;
 use crate::identity::{Ground, above_ground};
-use crate::votes::{PointLabel, Votes};
+use crate::votes::Votes;
 
 /// Sweeps nearer than this to the one before add no labels that are not there, metres.
 const LEAST_STEP_M: f64 = 0.25;

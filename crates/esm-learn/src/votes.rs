@@ -1,15 +1,7 @@
 //! Which object the points of a segment belong to, by the labels of the raw points in their voxels.
 
+use esm_io::PointLabel;
 use rustc_hash::FxHashMap;
-
-/// What a point was hit on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PointLabel {
-    /// The object's number, 0 for the ground.
-    pub object: u32,
-    /// Its class.
-    pub class: u8,
-}
 
 /// The class of what is not known.
 pub const UNKNOWN_CLASS: u8 = 255;

@@ -1,6 +1,6 @@
 //! [`Frames`]: the selected scans of all inputs, with a progress bar.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use esm_io::{OpenOptions, Recording, Sweep, Sweeps};
 use indicatif::ProgressBar;
@@ -38,11 +38,26 @@ pub(crate) struct Frames {
 impl Frames {
     /// Opens all inputs, so that a bad one is known before any work is done.
     pub(crate) fn open(inputs: &[PathBuf], args: &ReadArgs, doing: &'static str) -> anyhow::Result<Self> {
+        Self::open_with(inputs, args, doing, false)
+    }
+
+    /// One input with the labels of its points, where it has them.
+    pub(crate) fn open_labelled(input: &Path, args: &ReadArgs) -> anyhow::Result<Self> {
+        Self::open_with(&[input.to_owned()], args, "cutting", true)
+    }
+
+    fn open_with(
+        inputs: &[PathBuf],
+        args: &ReadArgs,
+        doing: &'static str,
+        labels: bool,
+    ) -> anyhow::Result<Self> {
         let selection = Selection::new(args)?;
         let options = OpenOptions {
             cloud_topic: args.cloud_topic.clone(),
             motion_topic: args.odometry_topic.clone(),
             poses: args.poses.clone(),
+            labels,
         };
         let recordings =
             inputs.iter().map(|path| Recording::open(path, &options)).collect::<Result<Vec<_>, _>>()?;

@@ -35,21 +35,24 @@ impl PointSink {
     }
 
     /// Takes one point; NaN, infinities and the exact zero that sensors send for "no return" are counted and left out.
+    /// Returns whether it was taken.
     #[inline]
-    pub(crate) fn push(&mut self, p: [f64; 3]) {
+    pub(crate) fn push(&mut self, p: [f64; 3]) -> bool {
         if p == [0.0; 3] || !p.iter().all(|v| v.is_finite()) {
             self.dropped += 1;
-            return;
+            return false;
         }
         let origin = *self.origin.get_or_insert_with(|| {
             p.map(|v| if v.abs() > FAR { (v / ORIGIN_STEP).floor() * ORIGIN_STEP } else { 0.0 })
         });
         let q = [(p[0] - origin[0]) as f32, (p[1] - origin[1]) as f32, (p[2] - origin[2]) as f32];
-        if q.iter().all(|v| v.is_finite()) {
+        let taken = q.iter().all(|v| v.is_finite());
+        if taken {
             self.points.push(q);
         } else {
             self.dropped += 1;
         }
+        taken
     }
 
     pub(crate) fn finish(self) -> ([f64; 3], PointCloud, usize) {

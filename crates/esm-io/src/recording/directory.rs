@@ -139,6 +139,7 @@ impl DirectorySweeps {
             pose_odom_sensor: self.poses.as_ref().and_then(|p| p.at(self.next, stamp_ns)),
             frame_id: String::new(),
             dropped: scan.dropped,
+            labels: Vec::new(),
         };
         self.next += 1;
         Ok(Some(sweep))

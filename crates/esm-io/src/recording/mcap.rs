@@ -26,6 +26,7 @@ pub(super) struct McapSource {
     cloud: Topic,
     motion: Option<(Topic, MessageKind)>,
     poses: Option<(PathBuf, SweepPoses)>,
+    labels: bool,
 }
 
 impl McapSource {
@@ -40,7 +41,7 @@ impl McapSource {
         let poses = poses
             .map(|(file, poses)| SweepPoses::for_recording(poses, &file, sweeps).map(|p| (file, p)))
             .transpose()?;
-        Ok(Self { path: path.to_owned(), table, cloud, motion, poses })
+        Ok(Self { path: path.to_owned(), table, cloud, motion, poses, labels: options.labels })
     }
 
     pub(super) fn topics(&self) -> Vec<Topic> {
@@ -84,6 +85,7 @@ impl McapSource {
             expected: self.table.expected().cloned(),
             motion: MotionState::new(motion, !fixed_ids.is_empty()),
             cloud_name: self.cloud.name.clone(),
+            labels: self.labels,
             motion_name,
             cloud_ids,
             motion_ids,
@@ -119,6 +121,8 @@ pub(super) struct McapSweeps {
     expected: Option<BTreeMap<u16, u64>>,
     motion: MotionState,
     cloud_name: String,
+    /// Whether points' labels are read too.
+    labels: bool,
     motion_name: String,
     cloud_ids: BTreeSet<u16>,
     motion_ids: BTreeSet<u16>,
@@ -205,7 +209,7 @@ impl McapSweeps {
         let is_cloud = self.cloud_ids.contains(&channel);
         let taken = if is_cloud {
             let index = self.seen.get(&self.cloud_name).copied().unwrap_or(0);
-            point_cloud2::decode(data).map(|cloud| {
+            point_cloud2::decode(data, self.labels).map(|cloud| {
                 self.read += 1;
                 let sweep = Sweep {
                     number: self.read,
@@ -215,6 +219,7 @@ impl McapSweeps {
                     pose_odom_sensor: None,
                     frame_id: cloud.header.frame_id,
                     dropped: cloud.dropped,
+                    labels: cloud.labels,
                 };
                 self.waiting.push_back(Waiting { log_time, index, sweep });
             })

@@ -16,6 +16,7 @@ use crate::error::Error;
 use crate::input::Input;
 use crate::mcap_file::{Damage, Topic};
 use crate::pose::{PoseFile, read_poses};
+use crate::ros::point_cloud2::PointLabel;
 
 pub use warning::Warning;
 
@@ -37,6 +38,9 @@ pub struct Sweep {
     pub frame_id: String,
     /// Points left out: NaN, infinite, or exactly (0, 0, 0).
     pub dropped: usize,
+    /// What each point was hit on, as simulators tell it: as many as points where [`OpenOptions::labels`] asked for them and
+    /// the clouds have a field `object_id`, else none.
+    pub labels: Vec<PointLabel>,
 }
 
 /// What to read of a recording.
@@ -50,6 +54,8 @@ pub struct OpenOptions {
     /// KITTI poses need one line a sweep, or, for numbered files of a directory that are a part of a longer drive (they
     /// begin after 1, have gaps, or are one), a line for each number from 0.
     pub poses: Option<PathBuf>,
+    /// Whether the points' labels are read too.
+    pub labels: bool,
 }
 
 /// An opened recording: one `.mcap`, a directory of scans, or a single scan.

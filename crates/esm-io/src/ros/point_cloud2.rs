@@ -15,11 +15,29 @@ pub(crate) struct RosCloud {
     pub(crate) header: Header,
     pub(crate) cloud: PointCloud,
     pub(crate) dropped: usize,
+    /// One a point, where they were asked for and the cloud has a field `object_id`.
+    pub(crate) labels: Vec<PointLabel>,
+}
+
+/// What a point was hit on, as simulators tell it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PointLabel {
+    /// The object's number, 0 for the ground: the field `object_id`.
+    pub object: u32,
+    /// Its class: the field `class`, 255 where there is none.
+    pub class: u8,
+}
+
+/// Where the fields stand that are read.
+struct Fields {
+    xyz: [(usize, Scalar); 3],
+    object_id: Option<(usize, Scalar)>,
+    class: Option<(usize, Scalar)>,
 }
 
 /// Decodes a message. Points stand in `width` x `height` records of `point_step` bytes, rows `row_step` apart; x, y and z
 /// may have any place and number type, other fields are skipped.
-pub(crate) fn decode(message: &[u8]) -> Result<RosCloud, String> {
+pub(crate) fn decode(message: &[u8], with_labels: bool) -> Result<RosCloud, String> {
     let mut cdr = CdrReader::new(message)?;
     let header = Header::read(&mut cdr)?;
     let height = u64::from(cdr.u32()?);
@@ -33,9 +51,16 @@ pub(crate) fn decode(message: &[u8]) -> Result<RosCloud, String> {
 
     let points = width.saturating_mul(height);
     if points == 0 {
-        return Ok(RosCloud { header, cloud: PointCloud::default(), dropped: 0 });
+        return Ok(RosCloud { header, cloud: PointCloud::default(), dropped: 0, labels: Vec::new() });
     }
-    let layout = XyzLayout { fields: places?, big_endian };
+    let Fields { xyz, object_id, class } = places?;
+    let layout = XyzLayout { fields: xyz, big_endian };
+    // Fields that do not lie inside the records are as good as missing.
+    let inside = |field: Option<(usize, Scalar)>| {
+        field.filter(|(at, kind)| at.checked_add(kind.size()).is_some_and(|end| end as u64 <= point_step))
+    };
+    let object_id = inside(object_id).filter(|_| with_labels);
+    let class = inside(class);
     let extent = layout.extent().ok_or("a field's offset is out of range")? as u64;
     if point_step < extent {
         return Err(format!("point_step is {point_step}, the coordinates reach to byte {extent}"));
@@ -60,13 +85,19 @@ pub(crate) fn decode(message: &[u8]) -> Result<RosCloud, String> {
     // All sizes are below data.len() from here on.
     let mut sink = PointSink::sensor_frame();
     sink.reserve(points);
+    let mut labels = Vec::new();
     for row_data in data.chunks(row_step as usize).take(height as usize) {
         for record in row_data[..row as usize].chunks_exact(point_step as usize) {
-            sink.push(layout.read(record));
+            let taken = sink.push(layout.read(record));
+            if taken && let Some((at, kind)) = object_id {
+                let object = kind.read(record, at, big_endian) as u32;
+                let class = class.map_or(255, |(at, kind)| kind.read(record, at, big_endian) as u8);
+                labels.push(PointLabel { object, class });
+            }
         }
     }
     let (_, cloud, dropped) = sink.finish();
-    Ok(RosCloud { header, cloud, dropped })
+    Ok(RosCloud { header, cloud, dropped, labels })
 }
 
 /// The point records of a message, one after the other, whatever their fields are.
@@ -82,12 +113,13 @@ pub(crate) fn records(message: &[u8]) -> Result<&[u8], String> {
 }
 
 /// Reads the field list; the inner error says that x, y or z is missing, which an empty cloud may do without.
-fn read_fields(cdr: &mut CdrReader<'_>) -> Result<Result<[(usize, Scalar); 3], String>, String> {
+fn read_fields(cdr: &mut CdrReader<'_>) -> Result<Result<Fields, String>, String> {
     let n = cdr.u32()?;
     if n > FIELD_LIMIT {
         return Err(format!("{n} fields are declared, more than {FIELD_LIMIT}"));
     }
     let mut places: [Option<(usize, Scalar)>; 3] = [None; 3];
+    let (mut object_id, mut class) = (None, None);
     let mut names = Vec::new();
     for _ in 0..n {
         let name = cdr.string()?;
@@ -101,10 +133,16 @@ fn read_fields(cdr: &mut CdrReader<'_>) -> Result<Result<[(usize, Scalar); 3], S
                 .ok_or_else(|| format!("field {name} has the datatype {datatype}, which is not known"))?;
             places[axis] = Some((offset as usize, scalar));
         }
+        let place = || scalar(datatype).map(|scalar| (offset as usize, scalar));
+        match name.as_str() {
+            "object_id" if object_id.is_none() => object_id = place(),
+            "class" if class.is_none() => class = place(),
+            _ => {}
+        }
         names.push(name);
     }
     Ok(match places {
-        [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
+        [Some(x), Some(y), Some(z)] => Ok(Fields { xyz: [x, y, z], object_id, class }),
         _ => Err(format!("the fields are [{}]: x, y and z are needed", names.join(", "))),
     })
 }

@@ -38,6 +38,52 @@ pub enum Class {
 }
 
 impl Class {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Self; 29] = {
+        use Class::*;
+        [
+            Grass,
+            Litter,
+            Track,
+            Road,
+            Pavement,
+            Tree,
+            Bush,
+            Log,
+            Stump,
+            Undergrowth,
+            Rock,
+            Hedge,
+            Building,
+            Window,
+            Wall,
+            Fence,
+            Pole,
+            Sign,
+            Bin,
+            Bench,
+            Statue,
+            Car,
+            Van,
+            Person,
+            MovingCar,
+            MovingVan,
+            Cyclist,
+            Walker,
+            Dog,
+        ]
+    };
+
+    /// The class of a number in a recording.
+    pub fn from_number(number: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|c| *c as u8 == number)
+    }
+
+    /// Its name in lower case.
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
+
     /// Diffuse reflectivity at about 905 nm, 0 to 1. Vegetation, bark, brick, asphalt after the ASTER and ECOSTRESS
     /// spectral libraries (Meerdink et al., Remote Sensing of Environment 230, 2019), rounded; glass mirrors the beam away.
     pub fn reflectivity(self) -> f32 {
