@@ -65,7 +65,7 @@ class XConv(nn.Module):
         batch, kept, k = index.shape
         source = points.shape[1]
         first = torch.arange(batch, device=index.device) * source
-        flat = (index + first[:, None, None]).flatten()
+        flat = (index.long() + first[:, None, None]).flatten()
         query = points[:, :kept].reshape(-1, 1, 3)
         local = points.reshape(-1, 3).index_select(0, flat).view(-1, k, 3) - query
         lifted = self.lift2(self.lift1(local.view(-1, 3)))
@@ -90,7 +90,8 @@ class XConv(nn.Module):
         x1 = self.x1_bn(F.elu(x1.permute(1, 2, 0).reshape(-1, k * k)))
         x2 = torch.bmm(x1.view(-1, k, k).transpose(0, 1), self.x2_weight)  # (q, rows, r)
         x2 = self.x2_bn(x2.transpose(0, 1).reshape(-1, k * k))
-        return x2.view(-1, k, k)
+        out: Tensor = x2.view(-1, k, k)
+        return out
 
 
 class EsmNet(nn.Module):
@@ -119,7 +120,7 @@ class EsmNet(nn.Module):
             self.size_log_weight = nn.Parameter(torch.zeros(plan.sizes))
 
     def forward(self, points: Tensor, neighbours: list[Tensor], sizes: Tensor | None = None) -> Tensor:
-        """Points (B, 256, 3), one (B, P, K) list a layer, sizes (B, S) before standardisation -> (B, descriptor_dim)."""
+        """Points (B, 256, 3), a (B, P, K) list a layer, raw sizes (B, S) -> (B, descriptor_dim)."""
         z = self.standardised(sizes)
         pooled = self.pooled(points, self.features(points, neighbours), z)
         learned = pooled @ self.fc3_weight + self.fc3_bias

@@ -133,9 +133,7 @@ class Plan:
 
     def multiply_adds(self) -> int:
         """Multiply-adds of one segment."""
-        total = sum(
-            kept * layer.multiply_adds() for kept, layer in zip(self.points, self.layers, strict=True)
-        )
+        total = sum(kept * layer.multiply_adds() for kept, layer in zip(self.points, self.layers, strict=True))
         g, (first, second) = self.global_channels, self.hidden
         per_point = 3 * g + g * g + self.fc_input * first + first * second
         total += self.points[-1] * per_point + second * self.learned_dim
