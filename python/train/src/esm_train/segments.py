@@ -115,8 +115,8 @@ def _check_observations(data: SegmentSet) -> None:
         )
 
 
-def _first_bad(path: Path, name: str, bad: npt.NDArray[Any], why: str, first_row: int = 0) -> None:
-    rows = np.flatnonzero(bad)
+def _first_bad(path: Path, name: str, bad: npt.ArrayLike, why: str, first_row: int = 0) -> None:
+    rows = np.flatnonzero(np.asarray(bad))
     if rows.size:
         raise TrainError(f"{path / (name + '.npy')}: row {first_row + int(rows[0])}: {why}", "see DATA.md")
 

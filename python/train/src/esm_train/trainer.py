@@ -80,7 +80,7 @@ def device_of(name: str, rank: int = 0) -> torch.device:
 def learning_rate(config: Config, step: int) -> float:
     """Exponential from the first to the last rate, after a linear warm-up."""
     o = config.optim
-    rate = o.learning_rate * (o.learning_rate_end / o.learning_rate) ** (step / max(o.steps - 1, 1))
+    rate: float = o.learning_rate * (o.learning_rate_end / o.learning_rate) ** (step / max(o.steps - 1, 1))
     return rate * min(1.0, (step + 1) / (o.warmup_steps + 1))
 
 
@@ -92,7 +92,8 @@ def size_statistics(corpus: Corpus, plan: Plan, count: int, seed: int) -> tuple[
         for part in np.array_split(rows, max(1, len(rows) // 1024))
     ]
     table = np.concatenate(pieces).astype(np.float64)
-    unknown = [f for f, known in zip(plan.size_features, np.isfinite(table).any(axis=0), strict=True) if not known]
+    known = np.asarray(np.isfinite(table).any(axis=0))
+    unknown = [f for f, k in zip(plan.size_features, known, strict=True) if not k]
     if unknown:
         raise TrainError(f"size {', '.join(unknown)} is unknown in all training segments", "set above_ground = false")
     std = np.maximum(np.nanstd(table, axis=0), 1e-3)

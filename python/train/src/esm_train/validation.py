@@ -26,10 +26,12 @@ def open_corpus(paths: tuple[str, ...], what: str) -> Corpus:
     return Corpus([SegmentSet(Path(p)) for p in paths])
 
 
-def open_sides(map_paths: tuple[str, ...], live_paths: tuple[str, ...], what: str, truth: str = "auto") -> Sides:
+def open_sides(
+    map_paths: tuple[str, ...], live_paths: tuple[str, ...], what: str, truth: str = "auto", radius_m: float = 0.7
+) -> Sides:
     """All segments of a map and of live sets."""
     mapped, live = open_corpus(map_paths, f"{what}.map"), open_corpus(live_paths, f"{what}.live")
-    return Sides(mapped, live, np.arange(len(mapped)), np.arange(len(live)), truth)
+    return Sides(mapped, live, np.arange(len(mapped)), np.arange(len(live)), truth, radius_m)
 
 
 class Validation:
