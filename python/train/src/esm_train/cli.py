@@ -12,6 +12,7 @@ from esm_train.errors import TrainError
 
 if TYPE_CHECKING:
     from esm_train.config import Config
+    from esm_train.model import EsmNet, QualityHead
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -155,7 +156,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     sides = open_sides(
         tuple(map(str, options.map)), tuple(map(str, options.live)), "evaluate", options.truth, options.radius
     )
-    networks = []
+    networks: list[tuple[str, EsmNet, QualityHead]] = []
     for file in options.weights:
         model, head, metadata = load_network(file)
         name = metadata["variant"]

@@ -69,7 +69,9 @@ def trace(model: EsmNet, head: QualityHead, inputs: Inputs) -> dict[str, np.ndar
 
 def write_golden(model: EsmNet, head: QualityHead, weights: Path, file: Path, *, count: int, seed: int) -> int:
     """Writes the golden file of a weights file; returns its size in bytes."""
-    tensors = trace(model, head, golden_inputs(model, count, seed))
+    # safetensors writes the bytes as they lie: a strided view would come out wrong.
+    traced = trace(model, head, golden_inputs(model, count, seed))
+    tensors = {name: np.ascontiguousarray(value) for name, value in traced.items()}
     metadata = {
         "format": "esm-golden",
         "format_version": "1",

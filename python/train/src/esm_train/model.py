@@ -25,6 +25,11 @@ def glorot(*shape: int) -> nn.Parameter:
     return nn.Parameter(torch.randn(*shape) * std)
 
 
+def widened(x: Tensor) -> Tensor:
+    """Half precision as f32, anything else as it is."""
+    return x.float() if x.dtype in (torch.bfloat16, torch.float16) else x
+
+
 class Dense(nn.Module):
     """rows x in -> rows x out: linear without bias, ELU, batch norm."""
 
@@ -125,8 +130,8 @@ class EsmNet(nn.Module):
         pooled = self.pooled(points, self.features(points, neighbours), z)
         learned = pooled @ self.fc3_weight + self.fc3_bias
         if self.plan.size_mode in ("beside", "both"):
-            return torch.cat((learned.float(), z * self.size_weight()), dim=1)
-        return learned.float()
+            return torch.cat((widened(learned), z * self.size_weight()), dim=1)
+        return widened(learned)
 
     def features(self, points: Tensor, neighbours: list[Tensor]) -> Tensor:
         """Output of the last X-conv, (B * P_4, C)."""
@@ -144,7 +149,7 @@ class EsmNet(nn.Module):
         row = z @ self.fc1_size_weight if self.plan.size_mode in ("fc", "both") else None
         hidden = self.fc1(torch.cat((absolute, features.to(absolute.dtype)), dim=1), row)
         hidden = self.dropout(self.fc2(hidden))
-        mean: Tensor = hidden.view(batch, -1, hidden.shape[1]).float().mean(dim=1)
+        mean: Tensor = widened(hidden).view(batch, -1, hidden.shape[1]).mean(dim=1)
         return mean
 
     def standardised(self, sizes: Tensor | None) -> Tensor:

@@ -254,7 +254,7 @@ class Trainer:
             return
         record = {
             "step": float(self.step),
-            "loss": float(loss.total),
+            "loss": float(loss.total.detach()),
             "triplet": float(loss.triplet),
             "pair": float(loss.pair),
             "active": float(loss.active),
@@ -268,7 +268,7 @@ class Trainer:
                     writer.add_scalar(f"train/{name}", value, self.step)
             if self.plan.size_mode in ("beside", "both"):
                 for name, weight in zip(self.plan.size_features, self.model.size_weight(), strict=True):
-                    writer.add_scalar(f"size_weight/{name}", float(weight), self.step)
+                    writer.add_scalar(f"size_weight/{name}", float(weight.detach()), self.step)
         if bar.disable:
             self._say(f"step {self.step} loss {record['loss']:.4f} pair {record['pair']:.4f} {rate:.0f} segments/s")
 
