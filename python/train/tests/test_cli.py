@@ -53,6 +53,13 @@ def test_overrides(tmp_path: Path) -> None:
         load_config(file, ["network.points=[256, 96, 48, 48]"]).plan()
 
 
+@pytest.mark.parametrize("variant", ["esm-swift", "esm", "esm-paper"])
+def test_shipped_configurations(variant: str) -> None:
+    config = load_config(Path(__file__).parent.parent / "configs" / f"{variant}.toml")
+    assert config.plan().variant == variant
+    assert config.run.out.endswith(f"runs/{variant}")
+
+
 def code_of(arguments: list[str]) -> int:
     with pytest.raises(SystemExit) as end:
         main(arguments)

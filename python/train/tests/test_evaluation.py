@@ -68,6 +68,16 @@ def test_truth_by_position(sets: dict[str, str]) -> None:
         Evaluation(strict)
 
 
+def test_counterparts_are_those_that_are_the_same(sets: dict[str, str]) -> None:
+    for truth, radius in (("object", 0.7), ("position", 3.0), ("position", 45.0)):
+        sides = open_sides((sets["map"],), (sets["live"],), "test", truth, radius)
+        every = np.arange(50)
+        for live in range(50):
+            expected = np.flatnonzero(sides.same(np.full(50, live), every))
+            assert sides.counterparts(live).tolist() == expected.tolist()
+            assert len(expected) >= 1 if radius < 40 else len(expected) >= 3
+
+
 def test_validation_of_a_part_keeps_the_counterparts(sets: dict[str, str]) -> None:
     sides = open_sides((sets["map"],), (sets["live"],), "test")
     v = Validation(sides, tiny_plan(), max_live=10, max_map=15, lists=True)

@@ -87,6 +87,20 @@ def test_rows_depend_on_their_own_segment_only() -> None:
             torch.testing.assert_close(together[row : row + 1], alone, atol=1e-6, rtol=1e-5)
 
 
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+def test_cuda_agrees() -> None:
+    torch.manual_seed(3)
+    plan = plan_for("esm-swift")
+    model, _ = random_network(plan)
+    inputs = inputs_of(random_points(4, plan), plan)
+    with torch.no_grad():
+        here = model(inputs.points, inputs.neighbours, inputs.sizes)
+        there = Inputs(inputs.points, [], inputs.sizes).to(torch.device("cuda"), plan)
+        assert all(torch.equal(a, b.cpu()) for a, b in zip(inputs.neighbours, there.neighbours, strict=True))
+        got = model.cuda()(there.points, there.neighbours, there.sizes).cpu()
+    torch.testing.assert_close(here, got, atol=1e-3, rtol=1e-3)
+
+
 def test_gradients() -> None:
     """Every parameter has one, and along a random direction it is the difference quotient."""
     torch.manual_seed(2)

@@ -14,7 +14,7 @@ from esm_train.config import BatchConfig, LossConfig, OptimConfig
 from esm_train.corpus import BatchSampler, Corpus
 from esm_train.inputs import Inputs, TrainingBatches
 from esm_train.losses import descriptor_loss
-from esm_train.model import EsmNet, decay_groups
+from esm_train.model import EsmNet, parameter_groups
 from esm_train.plan import SWIFT_POINTS, plan_for
 from esm_train.segments import SegmentSet
 from esm_train.synthetic import write_synthetic
@@ -55,7 +55,7 @@ def bench(device: torch.device, classes: int, repeat: int) -> str:
             inputs = batches[0].to(device, plan)
             labels = batches.labels().to(device)
             model = EsmNet(plan).to(device)
-            optimizer = torch.optim.Adam(decay_groups(model, OptimConfig().weight_decay))
+            optimizer = torch.optim.Adam(parameter_groups(model, OptimConfig().weight_decay))
 
             def finished() -> None:
                 if device.type == "cuda":

@@ -47,6 +47,14 @@ class Sides:
             self.by_object = np.zeros(len(self.live_rows), bool)
         else:
             self.by_object = self.live_object >= 0
+        self._things: dict[tuple[int, int], list[int]] = {}
+        for row in np.flatnonzero(self.map_object >= 0):
+            self._things.setdefault((int(self.map_place[row]), int(self.map_object[row])), []).append(int(row))
+        # Rows of each place by x: a live segment's neighbours in position are in a window of it.
+        self._by_x: dict[int, I64] = {}
+        for place in np.unique(self.map_place):
+            rows = np.flatnonzero(self.map_place == place)
+            self._by_x[int(place)] = rows[np.argsort(self.map_xyz[rows, 0], kind="stable")]
 
     def distance(self, live: I64, found: I64) -> F64:
         """Metres between live segments and map segments (indices that broadcast); infinite across places."""
@@ -62,9 +70,14 @@ class Sides:
         return out
 
     def counterparts(self, live: int) -> I64:
-        """Map segments that are the same as a live one."""
-        every = np.arange(len(self.map_rows))
-        return np.flatnonzero(self.same(np.full_like(every, live), every))
+        """Map segments that are the same as a live one, ascending."""
+        place = int(self.live_place[live])
+        if self.by_object[live]:
+            return np.array(self._things.get((place, int(self.live_object[live])), []), dtype=np.int64)
+        rows = self._by_x.get(place, np.zeros(0, np.int64))
+        x, window = self.live_xyz[live, 0], self.map_xyz[rows, 0]
+        near = rows[np.searchsorted(window, x - self.radius_m) : np.searchsorted(window, x + self.radius_m, "right")]
+        return np.sort(near[self.same(np.full_like(near, live), near)])
 
     def judged(self) -> I64:
         """Live segments that have a counterpart in the map."""

@@ -183,8 +183,16 @@ class QualityHead(nn.Module):
         return torch.softmax(self(descriptor) / self.temperature, dim=1)[:, 1]
 
 
-def decay_groups(model: EsmNet, weight_decay: float) -> list[dict[str, object]]:
-    """Adam's parameter groups: everything decays but the logs of the size weights, whose zero means weight one."""
+SIZE_RATE = 10.0
+"""Learning rate of the logs of the size weights against that of the others: Adam's steps are absolute, and a weight may
+have to change by a factor where the others change by hundredths."""
+
+
+def parameter_groups(model: EsmNet, weight_decay: float) -> list[dict[str, object]]:
+    """Adam's groups: everything decays but the logs of the size weights, whose zero means weight one."""
     free = [p for name, p in model.named_parameters() if name.endswith("size_log_weight")]
     rest = [p for name, p in model.named_parameters() if not name.endswith("size_log_weight")]
-    return [{"params": rest, "weight_decay": weight_decay}, {"params": free, "weight_decay": 0.0}]
+    groups: list[dict[str, object]] = [{"params": rest, "weight_decay": weight_decay, "rate": 1.0}]
+    if free:
+        groups.append({"params": free, "weight_decay": 0.0, "rate": SIZE_RATE})
+    return groups

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,8 @@ def run(config: Config, resume: bool) -> bool:
     """Everything from the data to the judged weights."""
     if not train(config, resume):
         return False
+    if int(os.environ.get("RANK", "0")) != 0:
+        return True  # one process of torchrun's goes on
     report = export(config)
     print(f"weights: {report['weights']}, quality: {report['quality']}", file=sys.stderr)
     model, head, metadata = load_network(Path(report["weights"]))

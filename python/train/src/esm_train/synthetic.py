@@ -81,15 +81,16 @@ def write_synthetic(
     observations: int = 2,
     seed: int = 0,
     visit: int = 0,
-    place: str = "synthetic:0",
+    place: str | None = None,
     spacing_m: float = 30.0,
     overwrite: bool = False,
 ) -> None:
     """A set of `objects` on a grid, each seen `observations` times from random bearings.
 
-    The objects depend on `seed` and `place` alone, the views on `visit` too: two calls that differ in `visit` give
-    the map and the live set of one place.
+    The objects depend on `seed` and `place` (named after the seed, unless it is given) alone, the views on `visit`
+    too: two calls that differ in `visit` give the map and the live set of one place.
     """
+    place = place or f"synthetic:{seed}"
     writer = SegmentWriter(
         path,
         places=[place],

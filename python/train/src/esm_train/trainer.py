@@ -32,7 +32,7 @@ from esm_train.curves import plot_curves
 from esm_train.errors import TrainError
 from esm_train.inputs import Inputs, TrainingBatches
 from esm_train.losses import Loss, descriptor_loss
-from esm_train.model import EsmNet, decay_groups
+from esm_train.model import EsmNet, parameter_groups
 from esm_train.plan import Plan
 from esm_train.sizes import metric_sizes
 from esm_train.validation import Validation, converged, open_corpus, open_sides
@@ -121,7 +121,7 @@ class Trainer:
             self._initialise()
         self.model.to(self.device)
         self.optimizer = torch.optim.Adam(
-            decay_groups(self.model, config.optim.weight_decay), lr=config.optim.learning_rate
+            parameter_groups(self.model, config.optim.weight_decay), lr=config.optim.learning_rate
         )
         if state is not None:
             self.optimizer.load_state_dict(state["optimizer"])
@@ -234,7 +234,7 @@ class Trainer:
         # Keyed by the step: drop-out is the same whether or not the training was interrupted.
         torch.manual_seed(((config.run.seed * 1_000_003 + self.step) * 4096 + self.rank.number) % 2**63)
         for group in self.optimizer.param_groups:
-            group["lr"] = learning_rate(config, self.step)
+            group["lr"] = group["rate"] * learning_rate(config, self.step)
         network.train()
         inputs = inputs.to(self.device, self.plan)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=config.run.precision == "bf16"):
