@@ -18,7 +18,7 @@ from esm_train.errors import TrainError
 from esm_train.inputs import TrainingBatches, inference_inputs
 from esm_train.plan import tiny_plan
 from esm_train.sampling import normalise, rng_of_points, sample
-from esm_train.segments import SegmentSet
+from esm_train.segments import SegmentSet, SegmentWriter
 from esm_train.sizes import eigen_features, lengths, metric_sizes
 
 
@@ -167,3 +167,31 @@ def test_inference_does_not_depend_on_the_company(sets: dict[str, str]) -> None:
     alone = inference_inputs(corpus, np.array([1]), tiny_plan())
     assert torch.equal(together.points[1], alone.points[0])
     torch.testing.assert_close(together.sizes[1], alone.sizes[0], atol=1e-6, rtol=0.0)
+
+
+def own_memory() -> int:
+    """Bytes of this process's own pages; mapped files do not count."""
+    text = Path("/proc/self/status").read_text()
+    return 1024 * next(int(line.split()[1]) for line in text.splitlines() if line.startswith("RssAnon"))
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads Linux's /proc")
+def test_sampling_does_not_hold_the_points_in_memory(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    cloud = rng.normal(size=(250, 3)).astype(np.float32)
+    writer = SegmentWriter(tmp_path / "large", places=["a"], classes=[], voxel_m=0.2, source="")
+    for i in range(20_000):
+        writer.add(cloud, centroid_map=np.array([float(i), 0.0, 0.0]), object_id=i // 2, observation=i % 2)
+    writer.close()
+    size = (tmp_path / "large" / "points.npy").stat().st_size
+    assert size == 128 + 20_000 * 250 * 12
+    before = own_memory()
+    corpus = Corpus([SegmentSet(tmp_path / "large")])
+    sampler = BatchSampler(corpus, BatchConfig(classes=64), 0)
+    batches = TrainingBatches(sampler, tiny_plan(), NONE, rank=0, lists=True)
+    seen: set[int] = set()
+    for step in range(40):
+        seen.update(sampler.rows(step).tolist())
+        assert len(batches[step]) == 128
+    assert len(seen) > 4000
+    assert own_memory() - before < size // 3

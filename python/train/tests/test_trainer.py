@@ -105,6 +105,19 @@ def test_bf16_trains(config: Make) -> None:
     assert all(torch.isfinite(p).all() for p in trainer.model.parameters())
 
 
+@pytest.mark.usefixtures("tiny")
+def test_running_statistics_forget_their_first_values(config: Make) -> None:
+    trainer = Trainer(config(steps=3), ALONE, resume=False)
+    with torch.no_grad():
+        for buffer in trainer.model.buffers():
+            if buffer.dtype == torch.float32 and buffer.dim() == 1 and len(buffer) > 6:
+                buffer.fill_(1e6)
+    trainer.run()
+    norm = trainer.model.fc1.bn
+    assert norm.running_mean is not None and norm.running_var is not None
+    assert float(norm.running_mean.abs().max()) < 100.0 and float(norm.running_var.max()) < 100.0
+
+
 def test_learning_rate_falls_from_first_to_last() -> None:
     c = Config(optim=OptimConfig(steps=100))
     rates = [learning_rate(c, s) for s in range(100)]

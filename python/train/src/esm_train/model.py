@@ -13,6 +13,10 @@ from torch.nn import functional as F
 
 from esm_train.plan import BN_EPS, BN_MOMENTUM, Plan, XConvSpec
 
+DESCRIPTOR_GAIN = 0.1
+"""Factor on the first weights of the last layer: squared distances then start near the loss's margin of 0.01. At the
+scale of one the pair loss outweighs the triplets, and a training begins by shrinking everything, sizes included."""
+
 
 def batch_norm(channels: int) -> nn.BatchNorm1d:
     """Batch norm over the rows."""
@@ -113,7 +117,7 @@ class EsmNet(nn.Module):
         self.global2 = Dense(plan.global_channels, plan.global_channels)
         self.fc1 = Dense(plan.fc_input, plan.hidden[0])
         self.fc2 = Dense(*plan.hidden)
-        self.fc3_weight = glorot(plan.hidden[1], plan.learned_dim)
+        self.fc3_weight = nn.Parameter(glorot(plan.hidden[1], plan.learned_dim).detach() * DESCRIPTOR_GAIN)
         self.fc3_bias = nn.Parameter(torch.zeros(plan.learned_dim))
         self.dropout = nn.Dropout(dropout)
         self.register_buffer("size_mean", torch.zeros(plan.sizes))

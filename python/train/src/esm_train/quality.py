@@ -48,7 +48,7 @@ def train_quality(descriptors: F32, labels: Bool, seed: int = 0) -> tuple[Qualit
         # The standardisation is folded into the layer.
         head.weight.copy_(weight / std[:, None])
         head.bias.copy_(bias - (mean / std) @ weight)
-    head.temperature = float(torch.exp(log_temperature).clamp(0.2, 5.0))
+    head.temperature = float(torch.exp(log_temperature.detach()).clamp(0.2, 5.0))
     chance = head.probability(x[cut:].float()).detach().numpy().astype(np.float64)
     held = labels[order][cut:]
     facts = {
