@@ -52,7 +52,7 @@ class NetworkConfig:
     """none, beside, fc or both; empty takes the variant's."""
     above_ground: bool = False
     """A seventh size: the height above ground."""
-    size_weight: float = 0.1
+    size_weight: float = 0.2
     """Starting value of the learned weights of the sizes, near where the pair loss takes them."""
     dropout: float = 0.5
     init_from: str = ""
