@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import json
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -55,6 +56,22 @@ def test_resuming_is_exact(config: Make) -> None:
     assert json.loads((Path(whole.out) / "history.json").read_text()) == a["history"]
     assert (Path(whole.out) / "curves.png").stat().st_size > 1000
     assert list((Path(whole.out) / "tensorboard").iterdir())
+
+
+@pytest.mark.usefixtures("tiny")
+def test_an_interrupt_writes_a_checkpoint(config: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    trainer = Trainer(config(steps=50, workers=1), ALONE, resume=False)
+    average = trainer._average_first_batches
+
+    def interrupt() -> None:
+        average()
+        if trainer.step == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(trainer, "_average_first_batches", interrupt)
+    assert not trainer.run()
+    assert load_checkpoint(trainer.latest)["step"] == 3
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 @pytest.mark.usefixtures("tiny")

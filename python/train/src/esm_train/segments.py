@@ -54,6 +54,8 @@ class SegmentSet:
         self.path = path
         self.meta = _read_meta(path)
         self.points: F32 = _open(path, "points", "<f4", (3,), self.meta.points)
+        # The same mapping without np.memmap's overhead on every slice.
+        self._plain: F32 = self.points.view(np.ndarray)
         self.offsets: npt.NDArray[np.uint64] = _open(path, "offsets", "<u8", (), self.meta.segments + 1)
         columns = {name: _open(path, name, *kind, self.meta.segments) for name, kind in COLUMNS.items()}
         self.centroid_map: npt.NDArray[np.float64] = columns["centroid_map"]
@@ -74,7 +76,7 @@ class SegmentSet:
 
     def segment(self, row: int) -> F32:
         """Points (n, 3) of a segment in metres about its centroid; a view of the mapped file."""
-        return self.points[int(self.offsets[row]) : int(self.offsets[row + 1])]
+        return self._plain[int(self.offsets[row]) : int(self.offsets[row + 1])]
 
     def gather(self, rows: Sequence[int] | npt.NDArray[np.int64]) -> tuple[F32, npt.NDArray[np.int64]]:
         """The points of several segments one after the other, and their offsets."""

@@ -226,7 +226,7 @@ class Trainer:
             sampler=steps,
             num_workers=workers,
             prefetch_factor=2 if workers else None,
-            pin_memory=False,
+            worker_init_fn=_leave_signals_to_the_trainer if workers else None,
         )
 
     def _train_step(self, network: nn.Module, inputs: Inputs, labels: torch.Tensor) -> Loss:
@@ -326,6 +326,12 @@ class Trainer:
             self.stopped = True
 
         return {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+
+
+def _leave_signals_to_the_trainer(_worker: int) -> None:
+    """Ctrl-C reaches the whole group: the workers live on until the trainer has written its checkpoint."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _write(file: Path, text: str) -> None:
