@@ -52,8 +52,8 @@ class NetworkConfig:
     """none, beside, fc or both; empty takes the variant's."""
     above_ground: bool = False
     """A seventh size: the height above ground."""
-    size_weight: float = 0.2
-    """Starting value of the learned weights of the sizes, near where the pair loss takes them."""
+    size_weight: float = 0.5
+    """Starting value of the learned weights of the sizes: at first they lead, and the untrained numbers add little."""
     dropout: float = 0.5
     init_from: str = ""
     """A checkpoint whose weights of equal shape are the start; empty starts from random ones."""
