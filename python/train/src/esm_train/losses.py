@@ -1,0 +1,57 @@
+"""The losses of the paper (section 3 of the method), on squared L2 distances of descriptors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from esm_train.config import LossConfig
+
+
+@dataclass(frozen=True)
+class Loss:
+    """The loss and what is logged of it."""
+
+    total: Tensor
+    triplet: Tensor
+    pair: Tensor
+    active: Tensor
+    """Share of triplets whose negative is nearer than the positive plus the margin."""
+
+
+def squared_distances(descriptors: Tensor) -> Tensor:
+    """(B, B), by differences: no cancellation for near descriptors."""
+    d = descriptors[:, None, :] - descriptors[None, :, :]
+    return (d * d).sum(dim=2)
+
+
+def descriptor_loss(descriptors: Tensor, labels: Tensor, config: LossConfig) -> Loss:
+    """Descriptors (B, D) and labels (B,) -> mean over triplets plus weighted mean over pairs.
+
+    The paper's triplet cost is c = max(0, 1 - D(a, n) / (D(a, p) + margin)). It is silent about which triplets of a
+    batch count: `mining` chooses all valid ones, those above zero, or the nearest negative of each pair.
+    """
+    distance = squared_distances(descriptors.float())
+    same = labels[:, None] == labels[None, :]
+    anchor, positive = torch.nonzero(same & ~torch.eye(len(labels), dtype=torch.bool, device=labels.device)).T
+    to_positive = distance[anchor, positive]
+    to_others = distance[anchor]
+    others = ~same[anchor]
+    cost = torch.relu(1.0 - to_others / (to_positive[:, None] + config.margin))
+    above = (cost > 0.0) & others
+    active = above.sum() / others.sum()
+    pair = to_positive.mean()
+    if config.kind == "softmax":
+        against = torch.where(others, -to_others / config.temperature, float("-inf"))
+        own = -to_positive / config.temperature
+        logits = torch.cat((own[:, None], against), dim=1)
+        triplet = (torch.logsumexp(logits, dim=1) - own).mean()
+    elif config.mining == "hard":
+        triplet = torch.where(others, cost, 0.0).max(dim=1).values.mean()
+    else:
+        total = torch.where(others, cost, 0.0).sum()
+        count = above.sum() if config.mining == "active" else others.sum()
+        triplet = total / count.clamp(min=1)
+    return Loss(triplet + config.pair_weight * pair, triplet.detach(), pair.detach(), active.detach())

@@ -1,0 +1,81 @@
+"""Recall on held-out sets while training, and the word on convergence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from esm_train.corpus import Corpus
+from esm_train.errors import TrainError
+from esm_train.inputs import Inputs, describe_inputs, inference_inputs
+from esm_train.metrics import I64, Sides, nearest_in_map, recall_at
+from esm_train.model import EsmNet
+from esm_train.plan import Plan
+from esm_train.segments import SegmentSet
+
+CONVERGED_GAIN = 0.01
+"""Recall@25 that the last quarter of a training must gain for it to go on."""
+
+
+def open_corpus(paths: tuple[str, ...], what: str) -> Corpus:
+    """The sets of a configuration key."""
+    if not paths:
+        raise TrainError(f"{what}: no directory of segments is named", f"set {what} in the configuration")
+    return Corpus([SegmentSet(Path(p)) for p in paths])
+
+
+def open_sides(
+    map_paths: tuple[str, ...], live_paths: tuple[str, ...], what: str, truth: str = "auto", radius_m: float = 0.7
+) -> Sides:
+    """All segments of a map and of live sets."""
+    mapped, live = open_corpus(map_paths, f"{what}.map"), open_corpus(live_paths, f"{what}.live")
+    return Sides(mapped, live, np.arange(len(mapped)), np.arange(len(live)), truth, radius_m)
+
+
+class Validation:
+    """Held-out segments, prepared once; all counterparts of the judged ones are among the map's."""
+
+    def __init__(self, sides: Sides, plan: Plan, *, max_live: int, max_map: int, lists: bool) -> None:
+        rng = np.random.default_rng(7)
+        live = rng.permutation(sides.live_rows)
+        counterparts: list[I64] = []
+        kept: list[int] = []
+        for row in live:
+            found = sides.counterparts(int(row))
+            if len(found):
+                kept.append(int(row))
+                counterparts.append(found)
+            if len(kept) == max_live:
+                break
+        if not kept:
+            raise TrainError(
+                "validation: no live segment has a counterpart in the map", "do the sets name the same places?"
+            )
+        needed = np.unique(np.concatenate(counterparts))
+        others = np.setdiff1d(rng.permutation(sides.map_rows), needed)
+        others = rng.permutation(others)[: max(0, max_map - len(needed))]
+        map_rows = np.sort(np.concatenate((needed, others)))
+        self.sides = Sides(sides.map, sides.live, map_rows, np.array(kept), sides.truth)
+        self.live_inputs: Inputs = inference_inputs(sides.live, self.sides.live_rows, plan, lists)
+        self.map_inputs: Inputs = inference_inputs(sides.map, map_rows, plan, lists)
+
+    def __call__(self, model: EsmNet, device: torch.device) -> dict[str, float]:
+        """Recall@1 and recall@25 of the judged segments."""
+        live = describe_inputs(model, self.live_inputs, device)
+        mapped = describe_inputs(model, self.map_inputs, device)
+        index, _ = nearest_in_map(live, mapped, self.sides.live_place, self.sides.map_place, 25)
+        recall = recall_at(self.sides, np.arange(len(live)), index, (1, 25))
+        return {f"recall@{k}": value for k, value in recall.items()}
+
+
+def converged(history: list[dict[str, float]]) -> bool:
+    """Whether recall@25 gained less than a point in the last quarter of the training so far."""
+    judged = [(h["step"], h["recall@25"]) for h in history if "recall@25" in h]
+    if not judged:
+        return False
+    border = 0.75 * judged[-1][0]
+    before = [r for step, r in judged if step <= border]
+    last = [r for step, r in judged if step > border]
+    return len(before) >= 2 and len(last) >= 2 and max(last) - max(before) < CONVERGED_GAIN
