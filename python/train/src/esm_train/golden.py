@@ -64,7 +64,8 @@ def trace(model: EsmNet, head: QualityHead, inputs: Inputs) -> dict[str, np.ndar
     descriptor = model(inputs.points, inputs.neighbours, inputs.sizes)
     out["descriptor"] = descriptor.numpy()
     out["quality"] = head.probability(descriptor).numpy()
-    return out
+    # safetensors writes the memory as it lies there: views with strides would come out wrong.
+    return {name: np.ascontiguousarray(value) for name, value in out.items()}
 
 
 def write_golden(model: EsmNet, head: QualityHead, weights: Path, file: Path, *, count: int, seed: int) -> int:
