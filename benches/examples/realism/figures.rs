@@ -1,6 +1,7 @@
 //! Numbers of clouds: quantiles, histograms, spacing.
 
 use esm_core::index::Tree;
+use nalgebra::{Matrix3, Vector3};
 
 /// One line of a table.
 pub(crate) struct Row {
@@ -82,6 +83,34 @@ pub(crate) fn nearest(points: &[[f32; 3]], asked: &[[f32; 3]], k: usize) -> Vec<
         let found = tree.nearest(asked.as_flattened(), k);
         found.iter().map(|row| row.iter().map(|n| f64::from(n.distance).sqrt()).collect()).collect()
     })
+}
+
+/// How far points lie off a plane through their surroundings: of each of `asked`, the root of the smallest eigenvalue of the
+/// covariance of what lies within `radius` metres among its 40 nearest, where those are 12 or more; metres.
+pub(crate) fn roughness(points: &[[f32; 3]], asked: &[[f32; 3]], radius: f64) -> Vec<f64> {
+    let Some(tree) = Tree::try_new(points.as_flattened(), 3) else { return Vec::new() };
+    tree.nearest(asked.as_flattened(), 40)
+        .iter()
+        .filter_map(|row| {
+            let near: Vec<[f32; 3]> = row
+                .iter()
+                .filter(|n| f64::from(n.distance).sqrt() < radius)
+                .map(|n| points[n.row as usize])
+                .collect();
+            (near.len() >= 12).then(|| spread(&near)[2].sqrt())
+        })
+        .collect()
+}
+
+/// Eigenvalues of the points' covariance, largest first, square metres.
+pub(crate) fn spread(points: &[[f32; 3]]) -> [f64; 3] {
+    let n = points.len() as f64;
+    let at = |p: &[f32; 3]| Vector3::from(p.map(f64::from));
+    let middle = points.iter().map(at).sum::<Vector3<f64>>() / n;
+    let sum: Matrix3<f64> = points.iter().map(|p| (at(p) - middle) * (at(p) - middle).transpose()).sum();
+    let mut values: [f64; 3] = (sum / n).symmetric_eigenvalues().into();
+    values.sort_by(|a, b| b.total_cmp(a));
+    values.map(|v| v.max(1e-9))
 }
 
 /// Distance from the sensor, metres.

@@ -5,7 +5,7 @@ use std::path::Path;
 use esm_io::read_scan;
 use esm_sim::{Class, Key, SweepSpec, Tiles, Trajectory, World, preset, sweep};
 
-use crate::figures::{Side, Table, range, rows, spacing};
+use crate::figures::{Side, Table, range, roughness, rows, spacing};
 
 /// Scans in towns and villages; 01 and 04 are motorway and country road, 03 is a forest road.
 const SCANS: [&str; 8] = ["00", "02", "05", "06", "07", "08", "09", "10"];
@@ -107,10 +107,16 @@ fn side(clouds: &[Labelled]) -> Side {
         let points = clouds.iter().flat_map(|c| &c.groups).filter(|g| **g == n).count();
         side.put(format!("share of {group}"), "%", 100.0 * points as f64 / total as f64);
     }
-    for (n, group) in GROUPS.iter().enumerate().take(6).skip(1) {
+    for (n, group) in GROUPS.iter().enumerate().take(6) {
         let of = |c: &Labelled| c.points.iter().zip(&c.groups).filter(|(_, g)| **g == n).map(|(p, _)| *p).collect::<Vec<_>>();
         let ranges = clouds.iter().flat_map(|c| of(c).iter().map(range).collect::<Vec<_>>()).collect();
         side.quantiles(&format!("range of {group}"), "m", ranges, &[0.5]);
+        let rough = clouds.iter().flat_map(|c| {
+            let points = of(c);
+            let near: Vec<[f32; 3]> = points.iter().filter(|p| range(p) < 25.0).step_by(23).copied().collect();
+            roughness(&points, &near, 0.5)
+        });
+        side.quantiles(&format!("roughness of {group} within 0.5 m"), "m", rough.collect(), &[0.25, 0.5, 0.75]);
     }
     side
 }

@@ -7,7 +7,7 @@ use esm_core::segment::{Segment, SegmentConfig, segment};
 use esm_core::{AccumulateConfig, Accumulator, PointCloud, Pose, transform_point};
 use esm_io::{OpenOptions, Recording, read_tum};
 
-use crate::figures::{Side, nearest};
+use crate::figures::{Side, nearest, roughness, spread};
 
 /// Travel from one live cloud to the next, metres.
 const STEP_M: f64 = 5.0;
@@ -94,7 +94,7 @@ impl Cut {
             &[0.25, 0.5, 0.75, 0.9],
         );
         side.quantiles("radius of a segment", "m", of(&radius), &[0.25, 0.5, 0.75, 0.9]);
-        let spreads: Vec<[f64; 3]> = self.clouds.iter().flatten().map(spread).collect();
+        let spreads: Vec<[f64; 3]> = self.clouds.iter().flatten().map(|s| spread(&s.points)).collect();
         side.quantiles(
             "linearity of a segment",
             "",
@@ -107,6 +107,11 @@ impl Cut {
             spreads.iter().map(|l| l[2] / l[0]).collect(),
             &[0.25, 0.5, 0.75],
         );
+        let rough = self.clouds.iter().flatten().step_by(7).flat_map(|s| {
+            let asked: Vec<[f32; 3]> = s.points.iter().step_by(11).copied().collect();
+            roughness(&s.points, &asked, 0.7)
+        });
+        side.quantiles("roughness within 0.7 m", "m", rough.collect(), &[0.1, 0.5, 0.9]);
     }
 
     /// Only segments of at least so many points.
@@ -116,6 +121,11 @@ impl Cut {
         };
         let places = self.clouds.iter().zip(&self.places).map(|(c, p)| keep(c, p)).collect();
         Self { places, ..Self::default() }
+    }
+
+    /// Only every so many clouds.
+    pub(crate) fn every(&self, step: usize) -> Self {
+        Self { places: self.places.iter().step_by(step).cloned().collect(), ..Self::default() }
     }
 
     /// Share of the segments whose centroid lies within 0.5 m of one of the map's.
@@ -136,16 +146,4 @@ fn radius(s: &Segment) -> f64 {
         .map(|p| f64::from(p[0] - s.centroid[0]).powi(2) + f64::from(p[1] - s.centroid[1]).powi(2))
         .sum();
     (sum / s.points.len() as f64).sqrt()
-}
-
-/// Eigenvalues of the points' covariance, largest first, square metres.
-fn spread(s: &Segment) -> [f64; 3] {
-    let mut sum = nalgebra::Matrix3::<f64>::zeros();
-    for p in &s.points {
-        let d = nalgebra::Vector3::from_fn(|a, _| f64::from(p[a] - s.centroid[a]));
-        sum += d * d.transpose();
-    }
-    let mut values: [f64; 3] = (sum / s.points.len() as f64).symmetric_eigenvalues().into();
-    values.sort_by(|a, b| b.total_cmp(a));
-    values.map(|v| v.max(1e-9))
 }

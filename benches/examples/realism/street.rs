@@ -66,6 +66,7 @@ fn side(drive: &Drive) -> Result<(Side, Vec<Vec<[f32; 3]>>), Box<dyn std::error:
     map.shapes(&mut side);
     let live = drive.live.segments(drive.filter)?;
     side.put("live segments that re-appear within 0.5 m", "%", 100.0 * live.found_in(&map));
+    side.put("the same in one map cloud every 20 m", "%", 100.0 * live.found_in(&map.every(4)));
     side.put("of those with 100 points or more", "%", 100.0 * live.larger(100).found_in(&map));
     let segments = map.clouds.into_iter().step_by(3).flatten().map(|s| s.points).collect();
     Ok((side, segments))
