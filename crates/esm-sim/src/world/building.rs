@@ -2,6 +2,7 @@
 
 use nalgebra::{Rotation3, Vector3};
 
+use super::visit::Season;
 use crate::cast::Shape;
 use crate::hash::Draw;
 
@@ -210,4 +211,39 @@ fn roof(b: &mut Builder, half: f32, depth: f32, eaves: f32, draw: &mut Draw) {
             b.wall([xm - 0.5, y - 0.3, eaves], [xm + 0.4, y + 0.3, h]);
         }
     }
+}
+
+/// A garage or a shed whose anchor is the middle of its front; `yaw` points out of its door.
+pub(super) fn shed(width: f32, yaw: f32, draw: &mut Draw) -> Vec<Shape> {
+    let turn = Rotation3::from_axis_angle(&V::z_axis(), yaw);
+    let mut b = Builder { turn, yaw, walls: Vec::new(), glass: Vec::new() };
+    let (half, depth, height) = (0.5 * width, draw.range(2.2, 5.5), draw.range(2.0, 2.7));
+    let door = draw.range(0.6, 0.9) * half;
+    b.wall([-depth, -half, -1.0], [-0.12, half, height]);
+    b.wall([-0.12, -half, -1.0], [0.0, -door, height]);
+    b.wall([-0.12, door, -1.0], [0.0, half, height]);
+    b.wall([-0.12, -door, 0.85 * height], [0.0, door, height]);
+    let (over, rise) = (draw.range(0.1, 0.3), draw.range(0.05, 0.9));
+    let (ra, rb) = ([over, 0.0, height + rise], [-depth - over, 0.0, height + rise]);
+    let at = |x: f32, y: f32| [x, y * (half + over), height - 0.05];
+    b.quad(at(over, -1.0), ra, rb, at(-depth - over, -1.0));
+    b.quad(at(over, 1.0), ra, rb, at(-depth - over, 1.0));
+    b.quad(at(over, -1.0), at(over, 1.0), ra, ra);
+    b.walls
+}
+
+/// Ivy, roses or vine on a front of some width; the anchor is the house's.
+pub(super) fn creeper(width: f32, yaw: f32, season: Season, draw: &mut Draw) -> Vec<Shape> {
+    let turn = Rotation3::from_axis_angle(&V::z_axis(), yaw);
+    let leaf = if draw.chance(0.5) { 1.0 } else { 0.3 + 0.7 * season.broadleaf() };
+    let (from, height) = (width * draw.range(-0.4, 0.4), draw.range(1.2, 4.5));
+    (0..draw.count(6, 16))
+        .map(|_| {
+            let z = height * draw.unit();
+            let y = from + draw.normal() * (0.3 + 0.2 * z);
+            let at = turn * V::new(draw.range(0.02, 0.15), y.clamp(-0.5 * width, 0.5 * width), z);
+            let axis = turn * V::new(0.1, draw.normal(), draw.normal());
+            Shape::clump(at, axis, draw.range(0.3, 0.7), draw.range(0.15, 0.35), 4.0 * leaf)
+        })
+        .collect()
 }

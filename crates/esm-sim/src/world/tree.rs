@@ -165,3 +165,21 @@ pub(super) fn tree(
     }
     shapes
 }
+
+/// A tree of streets and yards, pruned: grown, but lower than in woods.
+pub(super) fn street_tree(season: Season, structure: &mut Draw, now: &mut Draw) -> Vec<Shape> {
+    let species =
+        [Species::Oak, Species::Beech, Species::Beech, Species::Birch, Species::Pine][structure.index(5)];
+    let dbh = structure.range(0.12, 0.42);
+    let height = (species.height(dbh) * structure.range(0.6, 0.9)).min(14.0);
+    tree(species, dbh, height, season, structure, now)
+}
+
+/// A fruit tree, a young birch, a spruce that was once a Christmas tree.
+pub(super) fn garden_tree(season: Season, structure: &mut Draw, now: &mut Draw) -> Vec<Shape> {
+    let species =
+        [Species::Oak, Species::Oak, Species::Beech, Species::Birch, Species::Spruce][structure.index(5)];
+    let dbh = structure.range(0.06, 0.2);
+    let height = (species.height(dbh) * structure.range(0.45, 0.85)).clamp(1.8, 8.0);
+    tree(species, dbh, height, season, structure, now)
+}
