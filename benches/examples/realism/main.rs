@@ -28,8 +28,7 @@ struct Options {
     only: Option<String>,
 }
 
-const USAGE: &str =
-    "usage: realism SHARED_DATA WORK_DIR [--seed N] [--scale F] [--report FILE.md] [--json FILE.json] [--only TABLE]";
+const USAGE: &str = "usage: realism SHARED_DATA WORK_DIR [--seed N] [--scale F] [--report FILE.md] [--json FILE.json] [--only TABLE]";
 
 fn options() -> Result<Options, Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);

@@ -35,13 +35,24 @@ pub(crate) fn markdown(tables: &[Table]) -> String {
         let rows = table.rows.iter();
         let inside = table.rows.iter().filter(|r| !apart(r)).count();
         // Writing to a string cannot fail.
-        let _ = writeln!(out, "\n### {}\n\n{inside} of {} rows are within a quarter; the others are in bold.\n", table.title, rows.len());
+        let _ = writeln!(
+            out,
+            "\n### {}\n\n{inside} of {} rows are within a quarter; the others are in bold.\n",
+            table.title,
+            rows.len()
+        );
         let _ = writeln!(out, "| | real | simulated | ratio |\n|---|--:|--:|--:|");
         for row in rows {
             let unit = if row.unit.is_empty() { String::new() } else { format!(" ({})", row.unit) };
             let times = ratio(row).map_or("-".to_owned(), |r| format!("{r:.2}"));
             let times = if apart(row) { format!("**{times}**") } else { times };
-            let _ = writeln!(out, "| {}{unit} | {} | {} | {times} |", row.what, number(row.real), number(row.sim));
+            let _ = writeln!(
+                out,
+                "| {}{unit} | {} | {} | {times} |",
+                row.what,
+                number(row.real),
+                number(row.sim)
+            );
         }
     }
     out

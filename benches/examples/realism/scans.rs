@@ -19,8 +19,15 @@ struct Labelled {
     groups: Vec<usize>,
 }
 
-const GROUPS: [&str; 7] =
-    ["ground", "vegetation and trunks", "buildings", "walls and fences", "vehicles", "poles and signs", "other"];
+const GROUPS: [&str; 7] = [
+    "ground",
+    "vegetation and trunks",
+    "buildings",
+    "walls and fences",
+    "vehicles",
+    "poles and signs",
+    "other",
+];
 
 /// The group of a SemanticKITTI label.
 fn group_of_label(label: u16) -> usize {
@@ -48,7 +55,10 @@ fn group_of_class(class: Class) -> usize {
 }
 
 pub(crate) fn table(shared: &Path, seed: u64) -> Result<Table, Box<dyn std::error::Error>> {
-    let real = SCANS.iter().map(|n| real_scan(&shared.join("kitti_scans").join(n))).collect::<Result<Vec<_>, _>>()?;
+    let real = SCANS
+        .iter()
+        .map(|n| real_scan(&shared.join("kitti_scans").join(n)))
+        .collect::<Result<Vec<_>, _>>()?;
     let sim = simulated(seed)?;
     Ok(Table {
         title: format!(
@@ -97,26 +107,44 @@ fn simulated(seed: u64) -> Result<Vec<Labelled>, Box<dyn std::error::Error>> {
 
 fn side(clouds: &[Labelled]) -> Side {
     let mut side = Side::default();
-    side.quantiles("points of a sweep", "", clouds.iter().map(|c| c.points.len() as f64).collect(), &[0.1, 0.5, 0.9]);
+    side.quantiles(
+        "points of a sweep",
+        "",
+        clouds.iter().map(|c| c.points.len() as f64).collect(),
+        &[0.1, 0.5, 0.9],
+    );
     let ranges: Vec<f64> = clouds.iter().flat_map(|c| c.points.iter().map(range)).collect();
     side.shares("range", &ranges, &[0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 120.0]);
     side.quantiles("range", "m", ranges, &[0.25, 0.5, 0.75]);
-    side.quantiles("spacing", "m", clouds.iter().flat_map(|c| spacing(&c.points, 29)).collect(), &[0.1, 0.5, 0.9]);
+    side.quantiles(
+        "spacing",
+        "m",
+        clouds.iter().flat_map(|c| spacing(&c.points, 29)).collect(),
+        &[0.1, 0.5, 0.9],
+    );
     let total: usize = clouds.iter().map(|c| c.points.len()).sum();
     for (n, group) in GROUPS.iter().enumerate() {
         let points = clouds.iter().flat_map(|c| &c.groups).filter(|g| **g == n).count();
         side.put(format!("share of {group}"), "%", 100.0 * points as f64 / total as f64);
     }
     for (n, group) in GROUPS.iter().enumerate().take(6) {
-        let of = |c: &Labelled| c.points.iter().zip(&c.groups).filter(|(_, g)| **g == n).map(|(p, _)| *p).collect::<Vec<_>>();
+        let of = |c: &Labelled| {
+            c.points.iter().zip(&c.groups).filter(|(_, g)| **g == n).map(|(p, _)| *p).collect::<Vec<_>>()
+        };
         let ranges = clouds.iter().flat_map(|c| of(c).iter().map(range).collect::<Vec<_>>()).collect();
         side.quantiles(&format!("range of {group}"), "m", ranges, &[0.5]);
         let rough = clouds.iter().flat_map(|c| {
             let points = of(c);
-            let near: Vec<[f32; 3]> = points.iter().filter(|p| range(p) < 25.0).step_by(23).copied().collect();
+            let near: Vec<[f32; 3]> =
+                points.iter().filter(|p| range(p) < 25.0).step_by(23).copied().collect();
             roughness(&points, &near, 0.5)
         });
-        side.quantiles(&format!("roughness of {group} within 0.5 m"), "m", rough.collect(), &[0.25, 0.5, 0.75]);
+        side.quantiles(
+            &format!("roughness of {group} within 0.5 m"),
+            "m",
+            rough.collect(),
+            &[0.25, 0.5, 0.75],
+        );
     }
     side
 }

@@ -17,6 +17,15 @@ pub(super) struct House {
     pub(super) glass: Vec<Shape>,
 }
 
+impl House {
+    /// Both as one, the other one shifted.
+    pub(super) fn joined(mut self, other: Self, by: V) -> Self {
+        self.walls.extend(other.walls.iter().map(|s| s.moved(by)));
+        self.glass.extend(other.glass.iter().map(|s| s.moved(by)));
+        self
+    }
+}
+
 /// Pieces in the house's own frame: x out to the street, y along the facade, z up.
 struct Builder {
     turn: Rotation3<f32>,
@@ -91,6 +100,8 @@ fn facade(b: &mut Builder, half: f32, plinth: f32, storey: f32, floors: usize, d
     let bay = (draw.chance(0.45) && axes > 1).then(|| (door + 1 + draw.index(axes - 1)) % axes);
     let bay_floors = draw.count(1, floors.min(2));
     let ledges = draw.chance(0.7);
+    let shutters = if draw.chance(0.35) { 0.45 * window } else { 0.0 };
+    let balcony = draw.chance(0.35).then(|| draw.index(axes));
     for floor in 0..floors {
         let base = plinth + storey * floor as f32;
         let mut left = -half;
@@ -115,12 +126,22 @@ fn facade(b: &mut Builder, half: f32, plinth: f32, storey: f32, floors: usize, d
                 entrance(b, middle, wide, plinth, z1, draw);
                 continue;
             }
+            if floor > 0 && balcony == Some(axis) {
+                platform(b, middle, 0.5 * pitch.min(3.0) + 0.3, base, draw);
+            }
             b.pane([-RELIEF - 0.01, low, z0], [-RELIEF + 0.02, high, z1]);
             // Frame, glazing bars, sill.
             b.wall([-RELIEF, low, z0], [-RELIEF + 0.06, low + 0.06, z1]);
             b.wall([-RELIEF, high - 0.06, z0], [-RELIEF + 0.06, high, z1]);
             let bar = 0.5 * (z0 + z1);
             b.wall([-RELIEF, low, bar - 0.03], [-RELIEF + 0.05, high, bar + 0.03]);
+            for side in [-1.0, 1.0] {
+                // Folded back against the wall, not quite.
+                let y = middle + side * (0.5 * (wide + shutters) + 0.03);
+                if shutters > 0.0 && z0 > base {
+                    b.wall([0.0, y - 0.5 * shutters, z0], [draw.range(0.04, 0.14), y + 0.5 * shutters, z1]);
+                }
+            }
             if ledges {
                 b.wall([0.0, low - 0.08, z0 - 0.08], [0.1, high + 0.08, z0]);
                 b.wall([0.0, low - 0.1, z1], [0.04, high + 0.1, z1 + 0.18]);
@@ -130,6 +151,21 @@ fn facade(b: &mut Builder, half: f32, plinth: f32, storey: f32, floors: usize, d
         if ledges && floor > 0 {
             b.wall([0.0, -half, base - 0.09], [0.05, half, base + 0.05]);
         }
+    }
+}
+
+/// A balcony: a slab with a railing of bars or boards.
+fn platform(b: &mut Builder, middle: f32, half: f32, base: f32, draw: &mut Draw) {
+    let out = draw.range(0.7, 1.5);
+    let (l, r) = (middle - half, middle + half);
+    b.wall([0.0, l, base - 0.15], [out, r, base]);
+    b.pipe([out, l, base + 0.95], [out, r, base + 0.95], 0.03);
+    if draw.chance(0.5) {
+        b.wall([out - 0.04, l, base + 0.05], [out, r, base + 0.85]);
+    }
+    for n in 0..=8 {
+        let y = l + (r - l) * n as f32 / 8.0;
+        b.pipe([out, y, base], [out, y, base + 0.95], 0.015);
     }
 }
 

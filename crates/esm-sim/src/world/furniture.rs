@@ -45,10 +45,8 @@ pub(super) fn sign(yaw: f32, draw: &mut Draw) -> Vec<Shape> {
 pub(super) fn cabinet(yaw: f32, draw: &mut Draw) -> Vec<Shape> {
     let half = V::new(draw.range(0.13, 0.25), draw.range(0.3, 0.8), draw.range(0.4, 0.75));
     let lid = V::new(half.x + 0.03, half.y + 0.03, 0.03);
-    let mut shapes = vec![
-        Shape::cuboid(V::z() * half.z, half, yaw),
-        Shape::cuboid(V::z() * (2.0 * half.z), lid, yaw),
-    ];
+    let mut shapes =
+        vec![Shape::cuboid(V::z() * half.z, half, yaw), Shape::cuboid(V::z() * (2.0 * half.z), lid, yaw)];
     if draw.chance(0.3) {
         let side = dir(yaw + std::f32::consts::FRAC_PI_2) * (half.y + 0.35);
         shapes.push(Shape::cuboid(side + V::z() * (0.8 * half.z), half * 0.8, yaw));

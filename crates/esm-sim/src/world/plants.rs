@@ -170,7 +170,8 @@ pub(super) fn column(height: f32, draw: &mut Draw) -> Vec<Shape> {
     let tiers = draw.count(4, 8);
     for n in 0..tiers {
         let t = (n as f32 + 0.5) / tiers as f32;
-        let r = wide * (1.0 - cone * 0.85 * t) * draw.range(0.8, 1.2) * if n + 1 == tiers { 0.7 } else { 1.0 };
+        let r =
+            wide * (1.0 - cone * 0.85 * t) * draw.range(0.8, 1.2) * if n + 1 == tiers { 0.7 } else { 1.0 };
         let at = lean * (height * t) + around(draw) * (0.3 * r * draw.unit());
         shapes.push(Shape::clump(at, V::z(), 0.85 * height / tiers as f32, r, draw.range(2.0, 4.5)));
     }

@@ -102,9 +102,8 @@ impl Make {
 
     /// Height of the body's upper edge below the windows.
     fn belt(&self, x: f32) -> f32 {
-        let between = |x0: f32, z0: f32, x1: f32, z1: f32| {
-            z0 + (z1 - z0) * ((x - x0) / (x1 - x0)).clamp(0.0, 1.0)
-        };
+        let between =
+            |x0: f32, z0: f32, x1: f32, z1: f32| z0 + (z1 - z0) * ((x - x0) / (x1 - x0)).clamp(0.0, 1.0);
         let tail = self.waist + 0.03;
         if x > self.screen {
             between(self.l, self.nose, self.screen, self.bonnet)
@@ -276,8 +275,8 @@ fn inside(b: &mut Builder, make: &Make, yaw: f32, draw: &mut Draw) {
     // Panes in the doors: about a third of the beams return from them.
     for side in [-1.0, 1.0] {
         let at = b.turn * V::new(middle, side * (0.5 * (make.w + make.roof_w) - 0.05), z);
-        b.shapes.push(Shape::hedge(at, V::new(reach, 0.02, half), yaw, draw.range(6.0, 16.0)));
+        b.shapes.push(Shape::hedge(at, V::new(reach, 0.02, half), yaw, draw.range(8.0, 24.0)));
     }
     let at = b.turn * V::new(middle, 0.0, z);
-    b.shapes.push(Shape::clump(at, b.turn * V::x(), reach + 0.5, half + 0.15, draw.range(0.15, 0.6)));
+    b.shapes.push(Shape::clump(at, b.turn * V::x(), reach + 0.5, half + 0.15, draw.range(0.3, 0.9)));
 }

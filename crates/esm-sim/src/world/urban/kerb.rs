@@ -60,7 +60,7 @@ impl Row<'_> {
         let (kerb, front) = (section.kerb(left), section.front(left));
         let mut s = f64::from(draw.range(8.0, 16.0));
         let mut n = 0;
-        let trees = draw.chance(0.35);
+        let trees = draw.chance(0.45);
         while s < length - 8.0 {
             n += 1;
             let thing = key.with(300 + n);
@@ -68,10 +68,10 @@ impl Row<'_> {
             let at_back = self.place(left, s, front - f64::from(draw.range(0.15, 0.5)));
             let inward = at_kerb.inward;
             match draw.unit() {
-                u if u < 0.3 => self.lasting(thing, Class::Pole, at_back, |d| lamp(inward, d)),
-                u if u < 0.5 => self.lasting(thing, Class::Sign, at_kerb, |d| sign(at_kerb.along, d)),
-                u if u < 0.56 => self.lasting(thing, Class::Bin, at_back, |d| cabinet(inward, d)),
-                u if u < 0.62 => {
+                u if u < 0.2 => self.lasting(thing, Class::Pole, at_back, |d| lamp(inward, d)),
+                u if u < 0.34 => self.lasting(thing, Class::Sign, at_kerb, |d| sign(at_kerb.along, d)),
+                u if u < 0.4 => self.lasting(thing, Class::Bin, at_back, |d| cabinet(inward, d)),
+                u if u < 0.43 => {
                     for k in 0..draw.count(2, 5) {
                         let at = self.place(left, s + 1.6 * k as f64, kerb + 0.3);
                         self.lasting(thing.with(k as u64), Class::Pole, at, bollard);

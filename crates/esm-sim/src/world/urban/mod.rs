@@ -12,9 +12,9 @@ use super::visit::Visit;
 use super::{Class, Object, tile_of};
 use crate::hash::Key;
 use crate::motion::Path;
-use lattice::{BLOCK, exists, route, street};
 pub(super) use lattice::LANES_M;
 pub(crate) use lattice::REVISIT_SHARE;
+use lattice::{BLOCK, exists, route, street};
 use row::Row;
 
 /// No house nearer to a crossing, metres.
@@ -36,9 +36,9 @@ struct Section {
 impl Section {
     fn new(key: Key) -> Self {
         let mut draw = key.with(50).draw();
-        let half_road = f64::from(draw.range(3.2, 3.9));
-        let parking = [draw.chance(0.45), draw.chance(0.45)];
-        Self { half_road, parking, pavement: f64::from(draw.range(1.2, 2.3)) }
+        let half_road = f64::from(draw.range(3.1, 3.7));
+        let parking = [draw.chance(0.5), draw.chance(0.5)];
+        Self { half_road, parking, pavement: f64::from(draw.range(1.0, 1.9)) }
     }
 
     /// Where the pavement begins.

@@ -60,7 +60,13 @@ impl Row<'_> {
     }
 
     /// The same for something that lasts; where it is gone in this visit, nothing stands.
-    pub(super) fn lasting(&mut self, key: Key, class: Class, at: Place, shapes: impl FnOnce(&mut Draw) -> Vec<Shape>) {
+    pub(super) fn lasting(
+        &mut self,
+        key: Key,
+        class: Class,
+        at: Place,
+        shapes: impl FnOnce(&mut Draw) -> Vec<Shape>,
+    ) {
         let id = self.next_id(false);
         if self.town.visit.keeps(key) {
             self.put(id, class, at, || shapes(&mut key.with(1).draw()));
