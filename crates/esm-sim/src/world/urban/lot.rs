@@ -168,8 +168,8 @@ impl Row<'_> {
                     let (size, evergreen) = (draw.range(0.5, 1.3), draw.chance(0.5));
                     let out = off + 0.5 * f64::from(size) + f64::from(draw.range(0.1, 0.9));
                     let at = self.place(lot.left, lot.s + s, out);
-                    let size = size * visit.growth(shrub);
-                    self.lasting(shrub, Class::Bush, at, |d| bush(size, evergreen, visit.season, d));
+                    let grown = size * visit.growth(shrub);
+                    self.lasting(shrub, Class::Bush, at, |d| bush(grown, evergreen, visit.season, d));
                     s += f64::from(draw.range(0.7, 2.0) * (0.4 + size));
                 }
             }

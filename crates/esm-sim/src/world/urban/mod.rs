@@ -137,10 +137,14 @@ impl Urban {
         for n in near {
             let Street { path, section, .. } = &self.streets[*n as usize];
             let d = path.distance(x, y);
-            if d < section.kerb(true).max(section.kerb(false)) {
+            if d > section.front(true).max(section.front(false)) {
+                continue;
+            }
+            let left = is_left(path, x, y);
+            if d < section.kerb(left) {
                 return Class::Road;
             }
-            if d < section.front(true).max(section.front(false)) {
+            if d < section.front(left) {
                 ground = Class::Pavement;
             }
         }
@@ -159,4 +163,13 @@ impl Urban {
         }
         objects
     }
+}
+
+/// Whether a point lies to the left of a path, by the path's nearest corner.
+fn is_left(path: &Path, x: f64, y: f64) -> bool {
+    let points = path.points();
+    let off = |p: &[f64; 2]| (p[0] - x).hypot(p[1] - y);
+    let near = points.iter().enumerate().min_by(|a, b| off(a.1).total_cmp(&off(b.1))).map_or(0, |(n, _)| n);
+    let (a, b) = (points[near.saturating_sub(1)], points[(near + 1).min(points.len() - 1)]);
+    (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) > 0.0
 }
