@@ -14,7 +14,9 @@ use crate::stems::{SLICE_M, stems};
 /// Half sides of the real plot, metres; simulated ones are as large.
 const HALF_M: [f64; 2] = [13.5, 12.9];
 /// Simulated plots.
-const PLOTS: u64 = 4;
+const PLOTS: usize = 4;
+/// Only closed stands, as the real one: trees that a plot has at least.
+const LEAST_TREES: usize = 25;
 /// Both sides are thinned to this first, metres: about the mobile scanner's spacing.
 const COMMON_VOXEL_M: f32 = 0.08;
 /// Segments are cut from what lies below this, metres above the ground: above, crowns join all.
@@ -34,7 +36,15 @@ pub(crate) fn table(shared: &Path, seed: u64, work: &Path) -> Result<Table, Box<
     }
     let about = |p: &[f32; 3]| std::array::from_fn(|a| p[a] - middle[a] as f32);
     let real = [Plot::new(cloud.points().iter().map(about).collect())];
-    let sim: Vec<Plot> = (0..PLOTS).map(|n| simulated(seed, n)).collect();
+    let visit = Visit { number: 0, season: Season::May, change: 0.0 };
+    let world = World::new(WorldKind::Forest, seed, 900.0, visit);
+    let sim: Vec<Plot> = (0..40)
+        .map(|n| plot_middle(&world, n))
+        .filter(|at| trees(&world, *at) >= LEAST_TREES)
+        .take(PLOTS)
+        .enumerate()
+        .map(|(n, at)| simulated(&world, at, Key::new(seed).with(n as u64)))
+        .collect();
     let ((real, real_segments), (sim, sim_segments)) = (side(&real), side(&sim));
     dump::segments(&work.join("forest_real.bin"), &real_segments)?;
     dump::segments(&work.join("forest_sim.bin"), &sim_segments)?;
@@ -52,6 +62,7 @@ pub(crate) fn table(shared: &Path, seed: u64, work: &Path) -> Result<Table, Box<
 fn scanner() -> Sensor {
     Sensor {
         name: "plot scanner",
+        turn: nalgebra::Rotation3::identity(),
         scan: Scan::Spinning {
             elevations: |n| (-60.0 + 0.36 * n as f64).to_radians(),
             lasers: 416,
@@ -62,26 +73,34 @@ fn scanner() -> Sensor {
         min_range_m: 0.5,
         max_range_m: 50.0,
         range_10_percent_m: 40.0,
-        noise_m: 0.01,
+        noise_m: 0.02,
         divergence_rad: 0.002,
         source: "after the mobile scanner of the plot",
     }
 }
 
-/// A plot 40 m off the trail.
-fn simulated(seed: u64, n: u64) -> Plot {
-    let visit = Visit { number: 0, season: Season::May, change: 0.0 };
-    let world = World::new(WorldKind::Forest, seed, 600.0, visit);
-    let s = 60.0 + 110.0 * n as f64;
+/// A place 40 m off the trail.
+fn plot_middle(world: &World, n: u32) -> [f64; 2] {
+    let s = 20.0 + 31.0 * f64::from(n);
     let (p, heading) = (world.route().at(s), world.route().heading(s, 5.0));
-    let (x, y) = (p[0] - 40.0 * heading.sin(), p[1] + 40.0 * heading.cos());
-    let (sensor, mut tiles, mut points) = (scanner(), Tiles::new(&world), Vec::new());
+    [p[0] - 40.0 * heading.sin(), p[1] + 40.0 * heading.cos()]
+}
+
+/// Trees that stand on a plot.
+fn trees(world: &World, [x, y]: [f64; 2]) -> usize {
+    let on_it = |o: &esm_sim::Object| {
+        o.class == Class::Tree && (o.anchor.x - x).abs() < HALF_M[0] && (o.anchor.y - y).abs() < HALF_M[1]
+    };
+    tiles_of(x, y).into_iter().flat_map(|t| world.objects(t)).filter(on_it).count()
+}
+
+fn simulated(world: &World, [x, y]: [f64; 2], key: Key) -> Plot {
+    let (sensor, mut tiles, mut points) = (scanner(), Tiles::new(world), Vec::new());
     for k in 0..9 {
         let (dx, dy) = (f64::from(k % 3 - 1) * 9.0, f64::from(k / 3 - 1) * 9.0);
         let at = Pose::translation(x + dx, y + dy, world.height(x + dx, y + dy) + 1.5);
         let scene = tiles.scene(&[at.translation.vector], f64::from(sensor.max_range_m));
-        let key = Key::new(seed).with(n).with(k as u64);
-        let spec = SweepSpec { sensor: &sensor, stamp_s: 0.0, undistorted: true, key };
+        let spec = SweepSpec { sensor: &sensor, stamp_s: 0.0, undistorted: true, key: key.with(k as u64) };
         let z = (at.translation.z - world.height(x, y)) as f32;
         points.extend(
             sweep(&spec, &scene, |_| at)
@@ -90,10 +109,7 @@ fn simulated(seed: u64, n: u64) -> Plot {
                 .filter(|p| f64::from(p[0]).abs() < HALF_M[0] && f64::from(p[1]).abs() < HALF_M[1]),
         );
     }
-    let trees = tiles_of(x, y).into_iter().flat_map(|t| world.objects(t)).filter(|o| {
-        o.class == Class::Tree && (o.anchor.x - x).abs() < HALF_M[0] && (o.anchor.y - y).abs() < HALF_M[1]
-    });
-    eprintln!("plot {n}: {} points, {} trees stand on it", points.len(), trees.count());
+    eprintln!("plot at {x:.0} {y:.0}: {} points, {} trees stand on it", points.len(), trees(world, [x, y]));
     Plot::new(points)
 }
 
@@ -168,7 +184,8 @@ fn side(plots: &[Plot]) -> (Side, Vec<Vec<[f32; 3]>>) {
     heights.sort_by(f64::total_cmp);
     let top = quantile(&heights, 0.99);
     side.put("height, 99 % of the points", "m", top);
-    let coarse: Vec<Vec<[f32; 3]>> = plots.iter().map(|p| voxel_filter(&p.points, 0.2)).collect();
+    let coarse: Vec<Vec<[f32; 3]>> =
+        plots.iter().map(|p| voxel_filter(&p.between(0.3, f64::MAX), 0.2)).collect();
     let area = hectares * 1e4;
     side.put(
         "voxels of 0.2 m on a square metre",
@@ -176,13 +193,15 @@ fn side(plots: &[Plot]) -> (Side, Vec<Vec<[f32; 3]>>) {
         coarse.iter().map(Vec::len).sum::<usize>() as f64 / area,
     );
     let shares = [0.0, 0.1, 0.25, 0.5, 0.75, 1.2];
-    let relative: Vec<f64> = heights.iter().map(|h| h / top).collect();
+    // Of what stands: the survey holds hardly any ground.
+    let standing: Vec<f64> = heights.iter().copied().filter(|h| *h >= 0.3).collect();
+    let relative: Vec<f64> = standing.iter().map(|h| h / top).collect();
     for e in shares.windows(2) {
         let inside = relative.iter().filter(|h| (e[0]..e[1]).contains(*h)).count();
         let name = format!("points at {:.0} to {:.0} % of the height", 100.0 * e[0], 100.0 * e[1].min(1.0));
-        side.put(name, "%", 100.0 * inside as f64 / heights.len() as f64);
+        side.put(name, "%", 100.0 * inside as f64 / standing.len() as f64);
     }
-    side.shares("points at", &heights, &[-0.5, 0.3, 1.0, 2.0, 4.0]);
+    side.shares("points at", &standing, &[0.3, 1.0, 2.0, 4.0, 8.0]);
     side.quantiles(
         "spacing after 0.2 m voxels",
         "m",

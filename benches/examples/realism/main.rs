@@ -14,6 +14,7 @@ mod scans;
 mod segments;
 mod stems;
 mod street;
+mod trail;
 
 use std::path::{Path, PathBuf};
 
@@ -50,12 +51,12 @@ fn options() -> Result<Options, Box<dyn std::error::Error>> {
     Ok(options)
 }
 
-/// Both visits of the `kitti` preset, made where they are missing.
-fn simulated(work: &Path, seed: u64, scale: f64) -> Result<PathBuf, Box<dyn std::error::Error>> {
-    let dir = work.join(format!("kitti_{seed}_{scale}"));
+/// Both visits of a preset, made where they are missing.
+fn simulated(name: &str, work: &Path, seed: u64, scale: f64) -> Result<PathBuf, Box<dyn std::error::Error>> {
+    let dir = work.join(format!("{name}_{seed}_{scale}"));
     if !dir.join("preset.toml").is_file() {
         eprintln!("simulating {}", dir.display());
-        esm_sim::simulate(&esm_sim::preset("kitti")?, seed, scale, &dir, &mut |_| true)?;
+        esm_sim::simulate(&esm_sim::preset(name)?, seed, scale, &dir, &mut |_| true)?;
     }
     Ok(dir)
 }
@@ -66,7 +67,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let wanted = |name: &str| options.only.as_deref().is_none_or(|only| only == name);
     let mut tables = Vec::new();
     if wanted("street") {
-        let sim = simulated(&options.work, options.seed, options.scale)?;
+        let sim = simulated("kitti", &options.work, options.seed, options.scale)?;
         tables.push(street::table(&options.shared, &sim, &options.work)?);
     }
     if wanted("scans") {
@@ -74,6 +75,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     if wanted("forest") {
         tables.push(forest::table(&options.shared, options.seed, &options.work)?);
+    }
+    if wanted("trail") {
+        let sim = simulated("burgess", &options.work, options.seed, 0.5 * options.scale)?;
+        tables.push(trail::table(&sim)?);
     }
     print!("{}", report::markdown(&tables));
     if let Some(path) = &options.report {
