@@ -158,6 +158,15 @@ impl Plot {
         Self { points, heights }
     }
 
+    /// Heights of the occupied voxels of 0.2 m: how densely a scanner samples does not count, only what it reached.
+    fn occupied(&self) -> Vec<f64> {
+        let voxel = |p: &[f32; 3]| p.map(|v| (v / 0.2).floor() as i32);
+        let mut all: Vec<_> = self.points.iter().map(voxel).zip(self.heights.iter().copied()).collect();
+        all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        all.dedup_by_key(|(v, _)| *v);
+        all.into_iter().map(|(_, h)| h).collect()
+    }
+
     fn between(&self, low: f64, high: f64) -> Vec<[f32; 3]> {
         let inside = self.points.iter().zip(&self.heights).filter(|(_, h)| (low..high).contains(*h));
         inside.map(|(p, _)| *p).collect()
@@ -194,14 +203,14 @@ fn side(plots: &[Plot]) -> (Side, Vec<Vec<[f32; 3]>>) {
     );
     let shares = [0.0, 0.1, 0.25, 0.5, 0.75, 1.2];
     // Of what stands: the survey holds hardly any ground.
-    let standing: Vec<f64> = heights.iter().copied().filter(|h| *h >= 0.3).collect();
+    let standing: Vec<f64> = plots.iter().flat_map(Plot::occupied).filter(|h| *h >= 0.3).collect();
     let relative: Vec<f64> = standing.iter().map(|h| h / top).collect();
     for e in shares.windows(2) {
         let inside = relative.iter().filter(|h| (e[0]..e[1]).contains(*h)).count();
-        let name = format!("points at {:.0} to {:.0} % of the height", 100.0 * e[0], 100.0 * e[1].min(1.0));
+        let name = format!("voxels at {:.0} to {:.0} % of the height", 100.0 * e[0], 100.0 * e[1].min(1.0));
         side.put(name, "%", 100.0 * inside as f64 / standing.len() as f64);
     }
-    side.shares("points at", &standing, &[0.3, 1.0, 2.0, 4.0, 8.0]);
+    side.shares("voxels at", &standing, &[0.3, 1.0, 2.0, 4.0, 8.0]);
     side.quantiles(
         "spacing after 0.2 m voxels",
         "m",

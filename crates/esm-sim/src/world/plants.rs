@@ -25,7 +25,7 @@ pub(super) fn bush(size: f32, evergreen: bool, season: Season, draw: &mut Draw) 
         let middle = out + V::new(0.0, 0.0, 0.55 * height);
         let up = V::new(0.25 * draw.normal(), 0.25 * draw.normal(), 1.0);
         shapes.push(Shape::clump(middle, up, 0.55 * height, width, density * draw.range(0.6, 1.3)));
-        for _ in 0..draw.count(1, 3) {
+        for _ in 0..draw.count(0, 2) {
             let foot = out * 0.5 + around(draw) * (0.12 * size);
             let tip = middle + V::new(draw.normal(), draw.normal(), 1.2) * (0.3 * height);
             shapes.push(Shape::frustum(foot - V::z() * 0.2, tip, draw.range(0.008, 0.025), 0.004));
@@ -103,7 +103,7 @@ pub(super) fn sapling(season: Season, draw: &mut Draw) -> Vec<Shape> {
     let height = draw.range(1.2, 4.0);
     let tip = V::new(0.12 * draw.normal(), 0.12 * draw.normal(), 1.0) * height;
     let mut shapes = vec![Shape::frustum(-V::z() * 0.1, tip, 0.012 * height.sqrt() + 0.004, 0.004)];
-    let density = (0.3 + 0.7 * season.broadleaf()) * 0.8;
+    let density = (0.3 + 0.7 * season.broadleaf()) * 1.3;
     for _ in 0..draw.count(2, 5) {
         let at = tip * draw.range(0.4, 1.0) + around(draw) * (0.12 * height);
         shapes.push(Shape::clump(at, V::z(), 0.13 * height, 0.16 * height, density));
