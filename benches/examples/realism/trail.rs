@@ -24,8 +24,7 @@ pub(crate) fn table(sim: &Path) -> Result<Table, Box<dyn std::error::Error>> {
     let mut accumulator = Accumulator::new(accumulate.clone())?;
     let mut builder = MapBuilder::new(&config)?;
     let (mut travel_m, mut last) = (0.0, None);
-    for (sweep, pose) in
-        Recording::open(sim.join("map.mcap"), &OpenOptions::default())?.sweeps()?.zip(&truth)
+    for (sweep, pose) in Recording::open(sim.join("map.mcap"), &OpenOptions::default())?.sweeps()?.zip(&truth)
     {
         let sweep = sweep?;
         let at = pose.pose.translation.vector;

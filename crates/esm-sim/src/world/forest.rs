@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::plants::{bush, log, rock, sapling, stump, undergrowth};
+use super::plants::{bush, log, rock, sapling, stump, undergrowth, young_conifer};
 use super::terrain::Terrain;
 use super::tree::{Room, Species, tree};
 use super::visit::Visit;
@@ -219,7 +219,13 @@ impl Forest {
             let size = d.range(0.4, 1.3);
             (d.range(-0.9, 1.2) < patch).then(|| (Class::Undergrowth, undergrowth(size, season, d)))
         });
-        scatter(24, 22, 1.2, &|_, _, _, d| d.chance(0.6).then(|| (Class::Bush, sapling(season, d))));
+        scatter(24, 26, 1.2, &|x, y, _, d| {
+            // Conifers come up under conifers.
+            let shade = value(self.key.with(8), x / 55.0, y / 55.0) as f32;
+            let young = d.range(-0.6, 0.6) < shade;
+            let stands = d.chance(0.6);
+            stands.then(|| (Class::Bush, if young { young_conifer(d) } else { sapling(season, d) }))
+        });
         scatter(25, 3, 3.5, &|_, _, _, d| d.chance(0.5).then(|| (Class::Log, log(d))));
         scatter(26, 3, 1.2, &|_, _, _, d| d.chance(0.5).then(|| (Class::Stump, stump(d))));
         scatter(27, 2, 1.5, &|_, _, _, d| d.chance(0.35).then(|| (Class::Rock, rock(d))));

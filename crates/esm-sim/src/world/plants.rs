@@ -13,23 +13,51 @@ fn around(draw: &mut Draw) -> V {
     V::new(turn.cos(), turn.sin(), 0.0)
 }
 
-/// A bush of several interleaved shrubs: stems and clumps of unlike size.
+/// A bush of several interleaved shrubs: stems that lean out of the middle, and along them sprays of foliage that are long
+/// rather than round, so that no ball shows and shoots stick out.
 pub(super) fn bush(size: f32, evergreen: bool, season: Season, draw: &mut Draw) -> Vec<Shape> {
     let leaf = if evergreen { 1.0 } else { 0.25 + 0.75 * season.broadleaf() };
-    let density = draw.range(1.2, 3.0) * leaf;
+    let density = draw.range(1.5, 4.0) * leaf;
+    let (stems, squat) = (draw.count(3, 6), draw.range(0.55, 1.0));
     let mut shapes = Vec::new();
-    for _ in 0..draw.count(3, 8) {
-        let out = around(draw) * (size * 0.75 * draw.unit().sqrt());
-        let height = size * draw.range(0.5, 1.25) * (1.0 - 0.35 * out.norm() / size);
-        let width = size * draw.range(0.28, 0.5);
-        let middle = out + V::new(0.0, 0.0, 0.55 * height);
-        let up = V::new(0.25 * draw.normal(), 0.25 * draw.normal(), 1.0);
-        shapes.push(Shape::clump(middle, up, 0.55 * height, width, density * draw.range(0.6, 1.3)));
-        for _ in 0..draw.count(0, 2) {
-            let foot = out * 0.5 + around(draw) * (0.12 * size);
-            let tip = middle + V::new(draw.normal(), draw.normal(), 1.2) * (0.3 * height);
+    for n in 0..stems {
+        let foot = around(draw) * (0.45 * size * draw.unit());
+        let height = size * draw.range(0.55, 1.3);
+        let lean = around(draw) * (size * draw.range(0.1, 0.7));
+        let tip = foot + lean + V::z() * (height * squat);
+        if n < 3 {
             shapes.push(Shape::frustum(foot - V::z() * 0.2, tip, draw.range(0.008, 0.025), 0.004));
         }
+        for _ in 0..draw.count(2, 3) {
+            let t = draw.range(0.25, 1.0);
+            let at = foot + (tip - foot) * t + around(draw) * (0.22 * size * draw.unit());
+            let shoot =
+                (tip - foot).normalize() + V::new(draw.normal(), draw.normal(), 0.6 * draw.normal()) * 0.6;
+            let long = size * draw.range(0.22, 0.46);
+            shapes.push(Shape::clump(
+                at,
+                shoot,
+                long,
+                long * draw.range(0.35, 0.7),
+                density * draw.range(0.6, 1.5),
+            ));
+        }
+    }
+    shapes
+}
+
+/// A young conifer in the shade of others: whorls of branches that stick out, ragged and thin.
+pub(super) fn young_conifer(draw: &mut Draw) -> Vec<Shape> {
+    let height = draw.range(1.0, 4.5);
+    let tip = V::new(0.05 * draw.normal(), 0.05 * draw.normal(), 1.0) * height;
+    let mut shapes = vec![Shape::frustum(-V::z() * 0.1, tip, 0.012 * height + 0.006, 0.004)];
+    let (wide, density) = (height * draw.range(0.18, 0.32), draw.range(1.2, 2.6));
+    for n in 0..draw.count(7, 12) {
+        let t = 0.1 + 0.085 * n as f32 * draw.range(0.85, 1.15);
+        let reach = wide * (1.05 - t).max(0.15) * draw.range(0.6, 1.3);
+        let out = around(draw) + V::z() * draw.range(-0.3, 0.2);
+        let at = tip * t.min(1.0) + out * (0.55 * reach);
+        shapes.push(Shape::clump(at, out, 0.6 * reach + 0.05, 0.3 * reach + 0.06, density));
     }
     shapes
 }
