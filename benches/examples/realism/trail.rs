@@ -16,7 +16,6 @@ pub(crate) fn table(sim: &Path) -> Result<Table, Box<dyn std::error::Error>> {
     let preset = esm_sim::preset("burgess")?;
     let accumulate = AccumulateConfig {
         distance_m: preset.accumulate_m,
-        min_step_m: preset.min_step_m,
         ..AccumulateConfig::default()
     };
     let config = Config { accumulate: accumulate.clone(), ..Config::default() };
