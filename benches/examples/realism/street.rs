@@ -48,7 +48,10 @@ pub(crate) fn table(shared: &Path, sim: &Path, work: &Path) -> Result<Table, Box
     })
 }
 
-fn side(drive: &Drive) -> Result<(Side, Vec<Vec<[f32; 3]>>), Box<dyn std::error::Error>> {
+/// Points of each of some segments.
+type Shapes = Vec<Vec<[f32; 3]>>;
+
+fn side(drive: &Drive) -> Result<(Side, Shapes), Box<dyn std::error::Error>> {
     let mut side = Side::default();
     let map = drive.map.segments(drive.filter)?;
     let sweeps = &map.sweeps;
