@@ -9,6 +9,11 @@ use crate::hash::Key;
 /// Density of a solid.
 const SOLID: f32 = f32::INFINITY;
 
+/// Side of the tufts that foliage is cut into, metres: a spray of leaves.
+const TUFT_M: f32 = 0.14;
+/// Share of the tufts in the middle of a clump that hold leaves.
+const FILLED: f32 = 0.6;
+
 /// To parry's vector.
 #[inline]
 pub(super) fn to_parry(v: Vector3<f32>) -> Vector {
@@ -189,7 +194,16 @@ impl Shape {
                         let p = o + d * (t - nearest);
                         p.dot(p)
                     };
-                    clump(enter.max(0.0), leave, density, rho2, ray.key.with(u64::from(number)))
+                    // What the clump is made of tells it from others, and stays from visit to visit.
+                    let own = Key::new((u64::from(along.to_bits()) << 32) | u64::from(across.to_bits()));
+                    let from = ray.origin - center;
+                    let leaves = |t: f32| {
+                        let cell = ((from + ray.dir * t) * (1.0 / TUFT_M)).floor();
+                        let part = |v: f32, n: u32| u64::from((v as i32 as u32) & 0xFFFF) << n;
+                        own.with(part(cell.x, 0) | part(cell.y, 16) | part(cell.z, 32)).unit()
+                    };
+                    let key = ray.key.with(u64::from(number));
+                    clump(enter.max(0.0), leave, density, |t| leaves(t) > 1.0 - FILLED * (1.0 - rho2(t)), key)
                 }
             }
         }?;
@@ -245,20 +259,21 @@ fn inside(enter: f32, leave: f32, density: f32, key: Key, number: u32) -> Option
     (t < leave).then_some(t)
 }
 
-/// The hit in a clump, densest in the middle and thin at the rim, so that no outline shows: delta tracking (Woodcock et al.,
-/// "Techniques used in the GEM code", ANL-7050, 1965). Steps are drawn for the middle's density and hits accepted by the
-/// share of it that is found there, 1 - rho^2, whose mean over chords through the middle is 2/3.
+/// The hit in a clump: delta tracking (Woodcock et al., "Techniques used in the GEM code", ANL-7050, 1965). Steps are drawn for
+/// the densest there can be, and a hit counts where leaves are. A clump is cut into tufts that hold leaves or not, so its gaps
+/// are the same for every ray and in every sweep, as those of real foliage are; the share of tufts with leaves falls with
+/// 1 - rho^2 towards the rim, so no outline shows. Its mean over chords through the middle is 2/3 of that in the middle.
 #[inline]
-fn clump(enter: f32, leave: f32, density: f32, rho2: impl Fn(f32) -> f32, key: Key) -> Option<f32> {
-    let step = -1.0 / (1.5 * density);
+fn clump(enter: f32, leave: f32, density: f32, leaves: impl Fn(f32) -> bool, key: Key) -> Option<f32> {
+    let step = -FILLED / (1.5 * density);
     let mut t = enter;
     // Denser clumps are hit after a few steps: the bound is never met in practice.
     for n in 0..64 {
-        t += step * key.with(2 * n).unit().ln();
+        t += step * key.with(n).unit().ln();
         if t >= leave {
             return None;
         }
-        if key.with(2 * n + 1).unit() > rho2(t) {
+        if leaves(t) {
             return Some(t);
         }
     }

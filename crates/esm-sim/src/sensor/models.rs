@@ -126,7 +126,7 @@ impl SensorModel {
                 min_range_m: 0.9,
                 max_range_m: 120.0,
                 range_10_percent_m: 50.0,
-                noise_m: 0.015,
+                noise_m: 0.02,
                 divergence_rad: 0.002,
                 source: "Velodyne, HDL-64E S2 and S2.1 user's manual, firmware 4.07: 1.333 M points/s, +2 to -8.33 deg at 1/3 and \
                          -8.83 to -24.33 deg at 1/2 deg, 50 m at 10 % and 120 m at 80 % reflectivity, accuracy below 2 cm, \

@@ -2,6 +2,7 @@
 
 use nalgebra::{Rotation3, Vector3};
 
+use super::visit::Season;
 use crate::cast::Shape;
 use crate::hash::Draw;
 
@@ -14,6 +15,15 @@ const RELIEF: f32 = 0.16;
 pub(super) struct House {
     pub(super) walls: Vec<Shape>,
     pub(super) glass: Vec<Shape>,
+}
+
+impl House {
+    /// Both as one, the other one shifted.
+    pub(super) fn joined(mut self, other: Self, by: V) -> Self {
+        self.walls.extend(other.walls.iter().map(|s| s.moved(by)));
+        self.glass.extend(other.glass.iter().map(|s| s.moved(by)));
+        self
+    }
 }
 
 /// Pieces in the house's own frame: x out to the street, y along the facade, z up.
@@ -90,6 +100,8 @@ fn facade(b: &mut Builder, half: f32, plinth: f32, storey: f32, floors: usize, d
     let bay = (draw.chance(0.45) && axes > 1).then(|| (door + 1 + draw.index(axes - 1)) % axes);
     let bay_floors = draw.count(1, floors.min(2));
     let ledges = draw.chance(0.7);
+    let shutters = if draw.chance(0.35) { 0.45 * window } else { 0.0 };
+    let balcony = draw.chance(0.35).then(|| draw.index(axes));
     for floor in 0..floors {
         let base = plinth + storey * floor as f32;
         let mut left = -half;
@@ -114,12 +126,22 @@ fn facade(b: &mut Builder, half: f32, plinth: f32, storey: f32, floors: usize, d
                 entrance(b, middle, wide, plinth, z1, draw);
                 continue;
             }
+            if floor > 0 && balcony == Some(axis) {
+                platform(b, middle, 0.5 * pitch.min(3.0) + 0.3, base, draw);
+            }
             b.pane([-RELIEF - 0.01, low, z0], [-RELIEF + 0.02, high, z1]);
             // Frame, glazing bars, sill.
             b.wall([-RELIEF, low, z0], [-RELIEF + 0.06, low + 0.06, z1]);
             b.wall([-RELIEF, high - 0.06, z0], [-RELIEF + 0.06, high, z1]);
             let bar = 0.5 * (z0 + z1);
             b.wall([-RELIEF, low, bar - 0.03], [-RELIEF + 0.05, high, bar + 0.03]);
+            for side in [-1.0, 1.0] {
+                // Folded back against the wall, not quite.
+                let y = middle + side * (0.5 * (wide + shutters) + 0.03);
+                if shutters > 0.0 && z0 > base {
+                    b.wall([0.0, y - 0.5 * shutters, z0], [draw.range(0.04, 0.14), y + 0.5 * shutters, z1]);
+                }
+            }
             if ledges {
                 b.wall([0.0, low - 0.08, z0 - 0.08], [0.1, high + 0.08, z0]);
                 b.wall([0.0, low - 0.1, z1], [0.04, high + 0.1, z1 + 0.18]);
@@ -129,6 +151,21 @@ fn facade(b: &mut Builder, half: f32, plinth: f32, storey: f32, floors: usize, d
         if ledges && floor > 0 {
             b.wall([0.0, -half, base - 0.09], [0.05, half, base + 0.05]);
         }
+    }
+}
+
+/// A balcony: a slab with a railing of bars or boards.
+fn platform(b: &mut Builder, middle: f32, half: f32, base: f32, draw: &mut Draw) {
+    let out = draw.range(0.7, 1.5);
+    let (l, r) = (middle - half, middle + half);
+    b.wall([0.0, l, base - 0.15], [out, r, base]);
+    b.pipe([out, l, base + 0.95], [out, r, base + 0.95], 0.03);
+    if draw.chance(0.5) {
+        b.wall([out - 0.04, l, base + 0.05], [out, r, base + 0.85]);
+    }
+    for n in 0..=8 {
+        let y = l + (r - l) * n as f32 / 8.0;
+        b.pipe([out, y, base], [out, y, base + 0.95], 0.015);
     }
 }
 
@@ -210,4 +247,39 @@ fn roof(b: &mut Builder, half: f32, depth: f32, eaves: f32, draw: &mut Draw) {
             b.wall([xm - 0.5, y - 0.3, eaves], [xm + 0.4, y + 0.3, h]);
         }
     }
+}
+
+/// A garage or a shed whose anchor is the middle of its front; `yaw` points out of its door.
+pub(super) fn shed(width: f32, yaw: f32, draw: &mut Draw) -> Vec<Shape> {
+    let turn = Rotation3::from_axis_angle(&V::z_axis(), yaw);
+    let mut b = Builder { turn, yaw, walls: Vec::new(), glass: Vec::new() };
+    let (half, depth, height) = (0.5 * width, draw.range(2.2, 5.5), draw.range(2.0, 2.7));
+    let door = draw.range(0.6, 0.9) * half;
+    b.wall([-depth, -half, -1.0], [-0.12, half, height]);
+    b.wall([-0.12, -half, -1.0], [0.0, -door, height]);
+    b.wall([-0.12, door, -1.0], [0.0, half, height]);
+    b.wall([-0.12, -door, 0.85 * height], [0.0, door, height]);
+    let (over, rise) = (draw.range(0.1, 0.3), draw.range(0.05, 0.9));
+    let (ra, rb) = ([over, 0.0, height + rise], [-depth - over, 0.0, height + rise]);
+    let at = |x: f32, y: f32| [x, y * (half + over), height - 0.05];
+    b.quad(at(over, -1.0), ra, rb, at(-depth - over, -1.0));
+    b.quad(at(over, 1.0), ra, rb, at(-depth - over, 1.0));
+    b.quad(at(over, -1.0), at(over, 1.0), ra, ra);
+    b.walls
+}
+
+/// Ivy, roses or vine on a front of some width; the anchor is the house's.
+pub(super) fn creeper(width: f32, yaw: f32, season: Season, draw: &mut Draw) -> Vec<Shape> {
+    let turn = Rotation3::from_axis_angle(&V::z_axis(), yaw);
+    let leaf = if draw.chance(0.5) { 1.0 } else { 0.3 + 0.7 * season.broadleaf() };
+    let (from, height) = (width * draw.range(-0.4, 0.4), draw.range(1.2, 4.5));
+    (0..draw.count(6, 16))
+        .map(|_| {
+            let z = height * draw.unit();
+            let y = from + draw.normal() * (0.3 + 0.2 * z);
+            let at = turn * V::new(draw.range(0.02, 0.15), y.clamp(-0.5 * width, 0.5 * width), z);
+            let axis = turn * V::new(0.1, draw.normal(), draw.normal());
+            Shape::clump(at, axis, draw.range(0.3, 0.7), draw.range(0.15, 0.35), 4.0 * leaf)
+        })
+        .collect()
 }

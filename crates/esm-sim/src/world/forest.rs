@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::plants::{bush, log, rock, sapling, stump, undergrowth};
+use super::plants::{bush, log, rock, sapling, stump, undergrowth, young_conifer};
 use super::terrain::Terrain;
-use super::tree::{Species, tree};
+use super::tree::{Room, Species, tree};
 use super::visit::Visit;
 use super::{Class, Object, TILE_M, new_object_id, object_id};
 use crate::cast::Shape;
@@ -172,12 +172,12 @@ impl Forest {
             let mut draw = c.key.with(1).draw();
             let species = self.species(&c, &mut draw);
             // Diameters of an uneven-aged wood: many thin, few thick.
-            let dbh = (0.2 * (0.5 * draw.normal()).exp()).clamp(0.07, 0.75);
+            let dbh = (0.23 * (0.42 * draw.normal()).exp()).clamp(0.07, 0.75);
             let height = species.height(dbh) * draw.range(0.85, 1.15);
             let (id, key) = (object_id(tile, n as u32), c.key.with(2));
             if self.visit.keeps(c.key) {
                 let mut now = self.visit.own(c.key).draw();
-                let shapes = tree(species, dbh, height, season, &mut key.draw(), &mut now);
+                let shapes = tree(species, dbh, height, Room::Stand, season, &mut key.draw(), &mut now);
                 objects.push(self.object(id, Class::Tree, c.x, c.y, shapes));
             } else if draw.chance(0.5) {
                 // Felled: its stump has a number of its own.
@@ -210,16 +210,22 @@ impl Forest {
             // Bushes grow at the edges and in patches.
             let patch = value(self.key.with(21), x / 19.0, y / 19.0) as f32;
             let edge = if self.off_track(x, y) < 6.0 { 0.25 } else { 0.0 };
-            let size = d.range(0.5, 1.5) * growth;
+            let size = d.range(0.75, 1.5).powi(2) * growth;
             let evergreen = d.chance(0.4);
-            (d.range(-1.0, 0.9) < patch + edge).then(|| (Class::Bush, bush(size, evergreen, season, d)))
+            (d.range(-1.2, 0.8) < patch + edge).then(|| (Class::Bush, bush(size, evergreen, season, d)))
         });
         scatter(22, 55, 0.9, &|x, y, _, d| {
             let patch = value(self.key.with(23), x / 12.0, y / 12.0) as f32;
             let size = d.range(0.4, 1.3);
             (d.range(-0.9, 1.2) < patch).then(|| (Class::Undergrowth, undergrowth(size, season, d)))
         });
-        scatter(24, 22, 1.2, &|_, _, _, d| d.chance(0.6).then(|| (Class::Bush, sapling(season, d))));
+        scatter(24, 26, 1.2, &|x, y, _, d| {
+            // Conifers come up under conifers.
+            let shade = value(self.key.with(8), x / 55.0, y / 55.0) as f32;
+            let young = d.range(-0.6, 0.6) < shade;
+            let stands = d.chance(0.6);
+            stands.then(|| (Class::Bush, if young { young_conifer(d) } else { sapling(season, d) }))
+        });
         scatter(25, 3, 3.5, &|_, _, _, d| d.chance(0.5).then(|| (Class::Log, log(d))));
         scatter(26, 3, 1.2, &|_, _, _, d| d.chance(0.5).then(|| (Class::Stump, stump(d))));
         scatter(27, 2, 1.5, &|_, _, _, d| d.chance(0.35).then(|| (Class::Rock, rock(d))));

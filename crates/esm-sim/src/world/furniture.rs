@@ -41,6 +41,28 @@ pub(super) fn sign(yaw: f32, draw: &mut Draw) -> Vec<Shape> {
     shapes
 }
 
+/// A cabinet of the power or telephone company, its doors to `yaw`.
+pub(super) fn cabinet(yaw: f32, draw: &mut Draw) -> Vec<Shape> {
+    let half = V::new(draw.range(0.13, 0.25), draw.range(0.3, 0.8), draw.range(0.4, 0.75));
+    let lid = V::new(half.x + 0.03, half.y + 0.03, 0.03);
+    let mut shapes =
+        vec![Shape::cuboid(V::z() * half.z, half, yaw), Shape::cuboid(V::z() * (2.0 * half.z), lid, yaw)];
+    if draw.chance(0.3) {
+        let side = dir(yaw + std::f32::consts::FRAC_PI_2) * (half.y + 0.35);
+        shapes.push(Shape::cuboid(side + V::z() * (0.8 * half.z), half * 0.8, yaw));
+    }
+    shapes
+}
+
+/// A bollard or a short post.
+pub(super) fn bollard(draw: &mut Draw) -> Vec<Shape> {
+    let (height, radius) = (draw.range(0.7, 1.1), draw.range(0.045, 0.11));
+    vec![
+        Shape::frustum(-V::z() * 0.1, V::z() * height, radius, 0.9 * radius),
+        Shape::spheroid(V::z() * height, V::z(), 0.6 * radius, 1.1 * radius),
+    ]
+}
+
 /// A wheeled bin.
 pub(super) fn bin(yaw: f32, draw: &mut Draw) -> Vec<Shape> {
     let (w, h) = (draw.range(0.24, 0.34), draw.range(0.9, 1.1));

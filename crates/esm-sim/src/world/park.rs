@@ -6,7 +6,7 @@ use super::building::house;
 use super::furniture::{bench, bin, fence, lamp, person, statue, wall};
 use super::plants::{bush, hedge};
 use super::terrain::Terrain;
-use super::tree::{Species, tree};
+use super::tree::{Room, Species, tree};
 use super::vehicle::vehicle;
 use super::visit::Visit;
 use super::{Class, Object, new_object_id, object_id, tile_of};
@@ -201,7 +201,7 @@ impl Fill<'_> {
             let dbh = d.range(0.18, 0.75);
             let height = species.height(dbh) * d.range(0.75, 1.0);
             self.put(key, Class::Tree, x, y, |s| {
-                tree(species, dbh, height, visit.season, s, &mut visit.own(key).draw())
+                tree(species, dbh, height, Room::Open, visit.season, s, &mut visit.own(key).draw())
             });
         }
         for n in 0..tries {

@@ -13,23 +13,51 @@ fn around(draw: &mut Draw) -> V {
     V::new(turn.cos(), turn.sin(), 0.0)
 }
 
-/// A bush of several interleaved shrubs: stems and clumps of unlike size.
+/// A bush of several interleaved shrubs: stems that lean out of the middle, and along them sprays of foliage that are long
+/// rather than round, so that no ball shows and shoots stick out.
 pub(super) fn bush(size: f32, evergreen: bool, season: Season, draw: &mut Draw) -> Vec<Shape> {
     let leaf = if evergreen { 1.0 } else { 0.25 + 0.75 * season.broadleaf() };
-    let density = draw.range(1.2, 3.0) * leaf;
+    let density = draw.range(1.5, 4.0) * leaf;
+    let (stems, squat) = (draw.count(3, 6), draw.range(0.55, 1.0));
     let mut shapes = Vec::new();
-    for _ in 0..draw.count(3, 8) {
-        let out = around(draw) * (size * 0.75 * draw.unit().sqrt());
-        let height = size * draw.range(0.5, 1.25) * (1.0 - 0.35 * out.norm() / size);
-        let width = size * draw.range(0.28, 0.5);
-        let middle = out + V::new(0.0, 0.0, 0.55 * height);
-        let up = V::new(0.25 * draw.normal(), 0.25 * draw.normal(), 1.0);
-        shapes.push(Shape::clump(middle, up, 0.55 * height, width, density * draw.range(0.6, 1.3)));
-        for _ in 0..draw.count(1, 3) {
-            let foot = out * 0.5 + around(draw) * (0.12 * size);
-            let tip = middle + V::new(draw.normal(), draw.normal(), 1.2) * (0.3 * height);
+    for n in 0..stems {
+        let foot = around(draw) * (0.45 * size * draw.unit());
+        let height = size * draw.range(0.55, 1.3);
+        let lean = around(draw) * (size * draw.range(0.1, 0.7));
+        let tip = foot + lean + V::z() * (height * squat);
+        if n < 3 {
             shapes.push(Shape::frustum(foot - V::z() * 0.2, tip, draw.range(0.008, 0.025), 0.004));
         }
+        for _ in 0..draw.count(2, 3) {
+            let t = draw.range(0.25, 1.0);
+            let at = foot + (tip - foot) * t + around(draw) * (0.22 * size * draw.unit());
+            let shoot =
+                (tip - foot).normalize() + V::new(draw.normal(), draw.normal(), 0.6 * draw.normal()) * 0.6;
+            let long = size * draw.range(0.22, 0.46);
+            shapes.push(Shape::clump(
+                at,
+                shoot,
+                long,
+                long * draw.range(0.35, 0.7),
+                density * draw.range(0.6, 1.5),
+            ));
+        }
+    }
+    shapes
+}
+
+/// A young conifer in the shade of others: whorls of branches that stick out, ragged and thin.
+pub(super) fn young_conifer(draw: &mut Draw) -> Vec<Shape> {
+    let height = draw.range(1.0, 4.5);
+    let tip = V::new(0.05 * draw.normal(), 0.05 * draw.normal(), 1.0) * height;
+    let mut shapes = vec![Shape::frustum(-V::z() * 0.1, tip, 0.012 * height + 0.006, 0.004)];
+    let (wide, density) = (height * draw.range(0.18, 0.32), draw.range(1.2, 2.6));
+    for n in 0..draw.count(7, 12) {
+        let t = 0.1 + 0.085 * n as f32 * draw.range(0.85, 1.15);
+        let reach = wide * (1.05 - t).max(0.15) * draw.range(0.6, 1.3);
+        let out = around(draw) + V::z() * draw.range(-0.3, 0.2);
+        let at = tip * t.min(1.0) + out * (0.55 * reach);
+        shapes.push(Shape::clump(at, out, 0.6 * reach + 0.05, 0.3 * reach + 0.06, density));
     }
     shapes
 }
@@ -103,7 +131,7 @@ pub(super) fn sapling(season: Season, draw: &mut Draw) -> Vec<Shape> {
     let height = draw.range(1.2, 4.0);
     let tip = V::new(0.12 * draw.normal(), 0.12 * draw.normal(), 1.0) * height;
     let mut shapes = vec![Shape::frustum(-V::z() * 0.1, tip, 0.012 * height.sqrt() + 0.004, 0.004)];
-    let density = (0.3 + 0.7 * season.broadleaf()) * 0.8;
+    let density = (0.3 + 0.7 * season.broadleaf()) * 1.3;
     for _ in 0..draw.count(2, 5) {
         let at = tip * draw.range(0.4, 1.0) + around(draw) * (0.12 * height);
         shapes.push(Shape::clump(at, V::z(), 0.13 * height, 0.16 * height, density));
@@ -123,7 +151,8 @@ pub(super) fn rock(draw: &mut Draw) -> Vec<Shape> {
         .collect()
 }
 
-/// A clipped hedge from the anchor along `yaw`: pieces of unlike height and density, with stems inside.
+/// A hedge from the anchor along `yaw`: a thin core with stems, and shoots of unlike size that make its faces rough; clipped
+/// ones less so than those that grow as they like. Here and there one has died and leaves a gap.
 pub(super) fn hedge(
     length: f32,
     yaw: f32,
@@ -132,27 +161,61 @@ pub(super) fn hedge(
     growth: f32,
     draw: &mut Draw,
 ) -> Vec<Shape> {
-    let along = V::new(yaw.cos(), yaw.sin(), 0.0);
+    let (along, across) = (V::new(yaw.cos(), yaw.sin(), 0.0), V::new(-yaw.sin(), yaw.cos(), 0.0));
+    let wild = draw.range(0.08, 0.4);
+    let density = draw.range(2.0, 5.0);
     let mut shapes = Vec::new();
     let mut s = 0.0;
     while s < length {
-        let piece = draw.range(0.7, 1.8).min(length - s).max(0.2);
-        let h = height * growth * draw.range(0.9, 1.1);
-        let w = 0.5 * width * draw.range(0.85, 1.15);
-        let middle = along * (s + 0.5 * piece);
-        let body = Shape::hedge(
-            middle + V::z() * (0.5 * h),
-            V::new(0.5 * piece + 0.05, w, 0.5 * h),
-            yaw,
-            draw.range(5.0, 9.0),
-        );
-        shapes.push(body);
-        // Tufts that grow over the cut.
-        let tuft = middle
-            + V::new(-yaw.sin(), yaw.cos(), 0.0) * draw.range(-w, w)
-            + V::z() * (h * draw.range(0.6, 1.0));
-        shapes.push(Shape::clump(tuft, V::z(), 0.2 * growth, 0.3 * growth, 3.0));
+        let piece = draw.range(0.5, 1.1).min(length - s).max(0.2);
+        let thin = draw.chance(0.06);
+        let h = height * growth * (1.0 + wild * draw.range(-0.5, 0.5)) * if thin { 0.45 } else { 1.0 };
+        let w = 0.5 * width * draw.range(0.8, 1.2);
+        let foot = along * (s + 0.5 * piece) + across * (wild * draw.range(-0.4, 0.4));
+        let core = V::new(0.5 * piece + 0.05, 0.5 * w, 0.42 * h);
+        shapes.push(Shape::hedge(foot + V::z() * (0.44 * h), core, yaw, density));
+        for _ in 0..draw.count(2, 4) {
+            let up = draw.range(0.15, 0.95);
+            let at = foot
+                + along * (piece * draw.range(-0.5, 0.5))
+                + across * (w * draw.range(-0.75, 0.75))
+                + V::z() * (h * up);
+            let axis = V::new(draw.normal(), draw.normal(), 1.0 + draw.unit());
+            let size = draw.range(0.18, 0.36) * (0.6 + wild + 0.4 * h) * growth;
+            shapes.push(Shape::clump(at, axis, 1.25 * size, 0.8 * size, density * draw.range(0.7, 1.6)));
+        }
         s += piece;
+    }
+    shapes
+}
+
+/// A conifer of gardens: a column or a cone, green from the ground up.
+pub(super) fn column(height: f32, draw: &mut Draw) -> Vec<Shape> {
+    let wide = height * draw.range(0.11, 0.24);
+    let cone = draw.unit();
+    let lean = V::new(0.04 * draw.normal(), 0.04 * draw.normal(), 1.0);
+    let mut shapes = vec![Shape::frustum(-V::z() * 0.2, lean * (0.8 * height), 0.07, 0.02)];
+    let tiers = draw.count(4, 8);
+    for n in 0..tiers {
+        let t = (n as f32 + 0.5) / tiers as f32;
+        let r =
+            wide * (1.0 - cone * 0.85 * t) * draw.range(0.8, 1.2) * if n + 1 == tiers { 0.7 } else { 1.0 };
+        let at = lean * (height * t) + around(draw) * (0.3 * r * draw.unit());
+        shapes.push(Shape::clump(at, V::z(), 0.85 * height / tiers as f32, r, draw.range(2.0, 4.5)));
+    }
+    shapes
+}
+
+/// Flowers, tubs, ornamental grass: knee-high things of gardens.
+pub(super) fn tuft(draw: &mut Draw) -> Vec<Shape> {
+    let (wide, height) = (draw.range(0.2, 0.5), draw.range(0.3, 0.9));
+    let mut shapes = Vec::new();
+    if draw.chance(0.3) {
+        shapes.push(Shape::frustum(V::zeros(), V::z() * (0.5 * height), 0.6 * wide, 0.8 * wide));
+    }
+    for _ in 0..draw.count(1, 3) {
+        let at = around(draw) * (0.4 * wide * draw.unit()) + V::z() * (0.6 * height);
+        shapes.push(Shape::clump(at, V::z(), 0.5 * height, wide, draw.range(1.5, 4.0)));
     }
     shapes
 }

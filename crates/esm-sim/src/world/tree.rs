@@ -66,16 +66,31 @@ impl Species {
     }
 }
 
+/// How much room a tree has had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Room {
+    /// It stands alone: green far down.
+    Open,
+    /// Others stand about: what was in their shade has died, and of conifers still sticks out.
+    Stand,
+}
+
 /// A tree about its foot. `structure` draws what stays, `now` what is of this visit: wind in the crown.
 pub(super) fn tree(
     species: Species,
     dbh: f32,
     height: f32,
+    room: Room,
     season: Season,
     structure: &mut Draw,
     now: &mut Draw,
 ) -> Vec<Shape> {
-    let habit = species.habit();
+    let mut habit = species.habit();
+    if room == Room::Stand {
+        habit.crown_base += 0.25 * (0.9 - habit.crown_base) * structure.range(0.5, 1.5);
+        habit.density *= 0.55;
+        habit.branches = (habit.branches.0 * 4 / 5, habit.branches.1 * 4 / 5);
+    }
     let mut shapes = Vec::new();
     let lean_to = structure.range(0.0, std::f32::consts::TAU);
     let lean = habit.lean * structure.normal().abs().min(2.5);
@@ -100,10 +115,11 @@ pub(super) fn tree(
         shapes.push(Shape::frustum(axis(w[0]), axis(w[1]), flare * radius(w[0]), radius(w[1])));
     }
     // Short dead stubs below the crown.
-    for _ in 0..structure.count(0, 4) {
+    let conifer = habit.evergreen && room == Room::Stand;
+    for _ in 0..if conifer { structure.count(2, 6) } else { structure.count(0, 4) } {
         let t = structure.range(0.08, habit.crown_base.max(0.1));
         let turn = structure.range(0.0, std::f32::consts::TAU);
-        let length = structure.range(0.15, 0.8);
+        let length = structure.range(0.15, if conifer { 1.5 } else { 0.8 });
         let end = axis(t) + V::new(turn.cos(), turn.sin(), structure.range(-0.2, 0.6)) * length;
         shapes.push(Shape::frustum(axis(t), end, 0.12 * radius(t) + 0.008, 0.006));
     }
@@ -164,4 +180,22 @@ pub(super) fn tree(
         }
     }
     shapes
+}
+
+/// A tree of streets and yards, pruned: grown, but lower than in woods.
+pub(super) fn street_tree(season: Season, structure: &mut Draw, now: &mut Draw) -> Vec<Shape> {
+    let species =
+        [Species::Oak, Species::Beech, Species::Beech, Species::Birch, Species::Pine][structure.index(5)];
+    let dbh = structure.range(0.12, 0.42);
+    let height = (species.height(dbh) * structure.range(0.6, 0.9)).min(14.0);
+    tree(species, dbh, height, Room::Open, season, structure, now)
+}
+
+/// A fruit tree, a young birch, a spruce that was once a Christmas tree.
+pub(super) fn garden_tree(season: Season, structure: &mut Draw, now: &mut Draw) -> Vec<Shape> {
+    let species =
+        [Species::Oak, Species::Oak, Species::Beech, Species::Birch, Species::Spruce][structure.index(5)];
+    let dbh = structure.range(0.06, 0.2);
+    let height = (species.height(dbh) * structure.range(0.45, 0.85)).clamp(1.8, 8.0);
+    tree(species, dbh, height, Room::Open, season, structure, now)
 }
