@@ -13,7 +13,11 @@ fn help_texts() {
     insta::assert_snapshot!("help_map_info", help(&["map", "info"]));
     insta::assert_snapshot!("help_localize", help(&["localize"]));
     insta::assert_snapshot!("help_loops", help(&["loops"]));
-    insta::assert_snapshot!("help_simulate", help(&["simulate"]));
+    let simulate = help(&["simulate"]);
+    let (presets, rest): (Vec<&str>, Vec<&str>) =
+        simulate.lines().partition(|l| l.starts_with("          - "));
+    insta::assert_snapshot!("help_simulate", rest.join("\n"));
+    assert!(presets.len() >= 6 && presets.iter().all(|l| l.len() > 40), "each says what it is: {presets:?}");
     insta::assert_snapshot!("help_demo", help(&["demo"]));
 }
 
