@@ -38,6 +38,7 @@ fn open(
         cloud_topic: cloud.map(str::to_owned),
         motion_topic: motion.map(str::to_owned),
         poses: None,
+        ..OpenOptions::default()
     };
     // With and without a summary the answer is the same.
     let answers = [mcap.finished(), mcap.without_summary(), mcap.unfinished()].map(|bytes| {
@@ -107,6 +108,7 @@ fn several_candidates_are_listed_with_the_flag() {
         cloud_topic: Some("/front".to_owned()),
         motion_topic: None,
         poses: Some(poses.path.clone()),
+        ..OpenOptions::default()
     };
     let all = read_all(&file.path, &options);
     assert_eq!(all.sweeps[0].pose_odom_sensor.unwrap().translation.x, 9.0);
