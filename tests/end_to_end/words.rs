@@ -84,6 +84,7 @@ fn manual_pages_are_written() {
             "esm-cli-map-build.1",
             "esm-cli-map-info.1",
             "esm-cli-map.1",
+            "esm-cli-segments.1",
             "esm-cli-simulate.1",
             "esm-cli.1",
         ]
