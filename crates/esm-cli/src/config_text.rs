@@ -64,6 +64,10 @@ const MEANINGS: &[(&str, &str)] = &[
     ("match", "From descriptors to candidate matches."),
     ("match.k", "Candidates a live segment: its nearest map segments in descriptor space."),
     (
+        "match.max_candidates",
+        "Most candidates of a cloud: clouds of very many segments take fewer than k a segment.",
+    ),
+    (
         "match.search",
         "How they are searched: \"tree\" (k-d tree), \"product\" (matrix product) or \"auto\"; the answers are the same.",
     ),

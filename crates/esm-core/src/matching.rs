@@ -15,6 +15,9 @@ use crate::segment::Segment;
 pub struct MatchConfig {
     /// Candidates a live segment. (The paper's networks use 25, SegMatch's hand-made features 200.)
     pub k: usize,
+    /// Most candidates of a cloud: clouds of very many segments, as in a dense wood, take fewer than `k` a segment, but
+    /// never fewer than 5. The pose search's effort grows with the square of it.
+    pub max_candidates: usize,
     /// How the nearest are searched; the answers are the same.
     pub search: Search,
     /// Live segments whose descriptor is less likely than this to be good for matching are left out, 0 to 1.
@@ -25,7 +28,7 @@ pub struct MatchConfig {
 
 impl Default for MatchConfig {
     fn default() -> Self {
-        Self { k: 60, search: Search::Auto, min_quality: 0.0, max_distance: 0.0 }
+        Self { k: 60, max_candidates: 5000, search: Search::Auto, min_quality: 0.0, max_distance: 0.0 }
     }
 }
 
@@ -36,10 +39,19 @@ impl MatchConfig {
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
         require((1..=10_000).contains(&self.k), "match.k", self.k, "1 to 10000")?;
+        require(
+            (100..=1_000_000).contains(&self.max_candidates),
+            "match.max_candidates",
+            self.max_candidates,
+            "100 to 1000000",
+        )?;
         require((0.0..=1.0).contains(&self.min_quality), "match.min_quality", self.min_quality, "0 to 1")?;
         require(self.max_distance >= 0.0, "match.max_distance", self.max_distance, "0 or more")
     }
 }
+
+/// Candidates a segment that no limit takes away.
+const LEAST_K: usize = 5;
 
 /// The candidates of a cloud, best first. `described` must be on the map's scale already.
 pub fn candidates(
@@ -51,8 +63,10 @@ pub fn candidates(
 ) -> Vec<Candidate> {
     let max_squared =
         if config.max_distance > 0.0 { config.max_distance.powi(2) as f32 } else { f32::INFINITY };
-    let neighbours = index.nearest(&described.values, config.k);
-    let mut all = Vec::with_capacity(segments.len() * config.k);
+    let share = config.max_candidates / segments.len().max(1);
+    let k = config.k.min(share.max(LEAST_K));
+    let neighbours = index.nearest(&described.values, k);
+    let mut all = Vec::with_capacity(segments.len() * k);
     for (live, (segment, nearest)) in segments.iter().zip(neighbours).enumerate() {
         if f64::from(described.quality[live]) < config.min_quality {
             continue;

@@ -108,8 +108,8 @@ const PUSH_BROOM: [f64; 3] = [0.0, -95.0, 0.0];
 pub const PRESETS: [Preset; 6] = [
     Preset {
         name: "burgess",
-        about: "Burgess Field: a 2.8 km loop in a wood, LMS151 push-broom, two weeks apart in February",
-        world: WorldKind::Forest,
+        about: "Burgess Field: a 2.8 km loop through copses and meadows, LMS151 push-broom, two weeks apart in February",
+        world: WorldKind::Copse,
         length_m: 2800.0,
         sensor: SensorModel::Lms151,
         sensor_height_m: 1.2,

@@ -22,7 +22,21 @@ pub(super) struct Forest {
     route: Path,
     tracks: Vec<Path>,
     visit: Visit,
+    cover: &'static Cover,
 }
+
+/// How much of the land is wooded.
+pub(super) struct Cover {
+    /// The noise of -1.35 to 1.35 at which clearings begin, and above which they are open.
+    clearing: (f64, f64),
+    /// Share of the low plants that grow, of those of a wood.
+    low: f32,
+}
+
+/// Closed stands with clearings.
+pub(super) const WOOD: Cover = Cover { clearing: (0.42, 0.6), low: 1.0 };
+/// Meadows in which trees stand in groups.
+pub(super) const COPSE: Cover = Cover { clearing: (-0.2, 0.1), low: 0.5 };
 
 /// Makes a thing at a place (x, y) from how much it has grown and what is drawn for it; `None` where nothing stands.
 type Maker<'a> = &'a dyn Fn(f64, f64, f32, &mut Draw) -> Option<(Class, Vec<Shape>)>;
@@ -36,7 +50,7 @@ struct Candidate {
 }
 
 impl Forest {
-    pub(super) fn new(key: Key, length_m: f64, visit: Visit) -> Self {
+    pub(super) fn new(key: Key, length_m: f64, visit: Visit, cover: &'static Cover) -> Self {
         let layers = &[(230.0, 7.0), (90.0, 2.6), (31.0, 0.7), (9.0, 0.16), (3.7, 0.07)];
         let terrain = Terrain { key: key.with(1), layers };
         // Above 700 m the trail winds so much that a plain ring would hide that it loops: it crosses itself.
@@ -57,7 +71,7 @@ impl Forest {
                 }))
             })
             .collect();
-        Self { key, terrain, route, tracks, visit }
+        Self { key, terrain, route, tracks, visit, cover }
     }
 
     pub(super) fn route(&self) -> &Path {
@@ -95,7 +109,7 @@ impl Forest {
     fn openness(&self, x: f64, y: f64) -> f64 {
         let n =
             value(self.key.with(4), x / 46.0, y / 46.0) + 0.35 * value(self.key.with(5), x / 15.0, y / 15.0);
-        smoothstep(0.42, 0.6, n)
+        smoothstep(self.cover.clearing.0, self.cover.clearing.1, n)
     }
 
     fn candidate(&self, i: i64, j: i64) -> Option<Candidate> {
@@ -198,7 +212,7 @@ impl Forest {
                 let mut draw = key.draw();
                 let x = (f64::from(tile.0) + f64::from(draw.unit())) * TILE_M;
                 let y = (f64::from(tile.1) + f64::from(draw.unit())) * TILE_M;
-                if self.off_track(x, y) < min_off {
+                if self.off_track(x, y) < min_off || key.with(0x10).unit() > self.cover.low {
                     continue;
                 }
                 if let Some((class, shapes)) = of(x, y, self.visit.growth(key), &mut draw) {

@@ -50,6 +50,8 @@ pub enum WorldKind {
     Park,
     /// Streets of houses.
     Urban,
+    /// Meadows with copses, scrub and a trail that loops.
+    Copse,
 }
 
 /// A world at one visit.
@@ -83,7 +85,8 @@ impl World {
     pub fn new(kind: WorldKind, seed: u64, length_m: f64, visit: Visit) -> Self {
         let key = Key::new(seed).with(kind as u64);
         let layout = match kind {
-            WorldKind::Forest => Layout::Forest(forest::Forest::new(key, length_m, visit)),
+            WorldKind::Forest => Layout::Forest(forest::Forest::new(key, length_m, visit, &forest::WOOD)),
+            WorldKind::Copse => Layout::Forest(forest::Forest::new(key, length_m, visit, &forest::COPSE)),
             WorldKind::Park => Layout::Park(park::Park::new(key, length_m, visit)),
             WorldKind::Urban => Layout::Urban(urban::Urban::new(key, length_m, visit)),
         };
