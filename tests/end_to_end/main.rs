@@ -12,5 +12,6 @@ mod licences;
 mod maps;
 mod outputs;
 mod pipeline;
+mod segments;
 mod simulate;
 mod words;

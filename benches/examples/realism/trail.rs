@@ -15,7 +15,9 @@ const MAP_SEGMENTS_A_KM: f64 = 2783.0 / 2.8;
 pub(crate) fn table(sim: &Path) -> Result<Table, Box<dyn std::error::Error>> {
     let preset = esm_sim::preset("burgess")?;
     let accumulate = AccumulateConfig { distance_m: preset.accumulate_m, ..AccumulateConfig::default() };
-    let config = Config { accumulate: accumulate.clone(), ..Config::default() };
+    // The paper's map is made of swathes that do not overlap, as its live clouds are.
+    let mut config = Config { accumulate: accumulate.clone(), ..Config::default() };
+    config.map.window_step_m = preset.accumulate_m;
     let truth = read_tum(sim.join("map_truth.tum"))?;
     let mut accumulator = Accumulator::new(accumulate.clone())?;
     let mut builder = MapBuilder::new(&config)?;

@@ -255,10 +255,16 @@ pub struct SegmentsArgs {
     #[arg(long, value_name = "NAME")]
     pub place: Option<String>,
     /// Metres of travel a cloud holds; several lengths give clouds of each
-    #[arg(long, value_name = "D[,D]", value_delimiter = ',', default_value = "20")]
+    #[arg(
+        long,
+        value_name = "D[,D]",
+        value_delimiter = ',',
+        default_value = "20",
+        allow_negative_numbers = true
+    )]
     pub accumulate: Vec<f64>,
     /// Metres of travel between two clouds that are cut
-    #[arg(long, value_name = "M", default_value_t = 5.0)]
+    #[arg(long, value_name = "M", default_value_t = 5.0, allow_negative_numbers = true)]
     pub step: f64,
     /// One JSON object instead of a line
     #[arg(long)]

@@ -24,6 +24,16 @@ pub enum Error {
         /// The directory.
         path: PathBuf,
     },
+    /// A setting is outside its range.
+    #[error("{name} = {value} is not allowed: {allowed}")]
+    Setting {
+        /// What it is called.
+        name: &'static str,
+        /// The value, as given.
+        value: f64,
+        /// What would be allowed.
+        allowed: &'static str,
+    },
     /// The settings make no sense.
     #[error(transparent)]
     Core(#[from] esm_core::Error),

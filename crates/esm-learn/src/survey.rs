@@ -56,9 +56,12 @@ impl Surveyor {
     /// left out.
     ///
     /// # Errors
-    /// [`Error::Core`] where the configuration is out of range.
+    /// [`Error::Core`] and [`Error::Setting`] where the configuration is out of range.
     pub fn new(accumulate: &AccumulateConfig, segments: &SegmentConfig, step_m: f64) -> Result<Self, Error> {
         segments.check()?;
+        if !(0.0..=10_000.0).contains(&step_m) {
+            return Err(Error::Setting { name: "step", value: step_m, allowed: "0 to 10000 m" });
+        }
         Ok(Self {
             accumulator: Accumulator::new(accumulate.clone())?,
             distance_m: accumulate.distance_m,
