@@ -52,7 +52,9 @@ pub(crate) fn run(args: &SegmentsArgs) -> anyhow::Result<Outcome> {
             let mut surveyors = Vec::new();
             for distance_m in &args.accumulate {
                 let accumulate = AccumulateConfig { distance_m: *distance_m, ..config.accumulate.clone() };
-                surveyors.push(Surveyor::new(&accumulate, &config.segment, args.step)?);
+                let surveyor = Surveyor::new(&accumulate, &config.segment, args.step)
+                    .map_err(|e| Failure::new(e.to_string(), "--accumulate and --step are in metres"))?;
+                surveyors.push(surveyor);
             }
             let mut frames = Frames::open_labelled(&drive.recording, &args.read)?;
             if let Some(silent) = frames.silent() {
