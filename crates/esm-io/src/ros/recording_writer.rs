@@ -186,7 +186,7 @@ impl RecordingWriter {
         Self::start(path.as_ref(), AtomicFile::create(path.as_ref())?, layout)
     }
 
-    /// The same, and what was written stays in the file `part` beside it where this is not finished. [`KeptSweeps`] reads it
+    /// The same, and what was written stays in the file `part` beside it where this is not finished. [`KeptSweeps`](crate::KeptSweeps) reads it
     /// again. What is called so before is replaced.
     ///
     /// # Errors
