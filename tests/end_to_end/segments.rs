@@ -38,7 +38,7 @@ fn names_hold_over_both_visits() {
     let told: Value = serde_json::from_str(&ran.stdout).unwrap();
     assert_eq!(names(&set), FILES);
     let meta: Value = serde_json::from_str(&fs::read_to_string(set.join("meta.json")).unwrap()).unwrap();
-    assert_eq!((&meta["segments"], &meta["places"][0]), (&told["segments"], &Value::from("street")));
+    assert_eq!((&meta["segments"], &meta["places"][0]), (&told["segments"], &Value::from("kitti:103:0.05")));
     let object = array(&set, "object.npy", i64::from_le_bytes);
     let visit = array(&set, "visit.npy", u16::from_le_bytes);
     let class = array(&set, "class.npy", |[b]| b);

@@ -200,3 +200,31 @@ fn an_interrupted_simulation_goes_on_where_it_was() {
     }
     assert_eq!(names(&torn), COMPLETE);
 }
+
+/// What no simulation has made is not replaced; what is cut is made again; what is begun is not thrown away.
+#[test]
+fn nothing_is_lost_and_nothing_torn_is_called_complete() {
+    let dir = folder();
+    let simulate = |seed: &str, out: &Path, extra: &[&str]| {
+        let out = out.display().to_string();
+        let mut command = vec!["simulate", "train-forest", "--scale", "0.008", "--seed", seed, "-o", &out];
+        command.extend(extra);
+        crate::common::run(command)
+    };
+    let mine = dir.path().join("mine");
+    fs::create_dir(&mine).unwrap();
+    fs::write(mine.join("map.mcap"), "precious").unwrap();
+    simulate("101", &mine, &[]).failed(&["map.mcap", "no simulation has made it", "--force"]);
+    assert_eq!(fs::read(mine.join("map.mcap")).unwrap(), b"precious");
+
+    let out = dir.path().join("out");
+    simulate("101", &out, &[]).ended(0);
+    let whole = fs::read(out.join("live.mcap")).unwrap();
+    fs::write(out.join("live.mcap"), &whole[..1000]).unwrap();
+    simulate("101", &out, &[]).ended(0);
+    assert!(fs::read(out.join("live.mcap")).unwrap() == whole, "what was cut is whole again");
+
+    fs::rename(out.join("preset.toml"), out.join("unfinished.toml")).unwrap();
+    simulate("102", &out, &[]).failed(&["a part of another simulation: train-forest, seed 101", "--force"]);
+    assert!(fs::read(out.join("live.mcap")).unwrap() == whole);
+}

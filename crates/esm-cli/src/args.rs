@@ -217,7 +217,14 @@ const SIMULATE_FILES: &str = "\
 DIR holds map.mcap and live.mcap, the two visits; map_truth.tum and live_truth.tum, where the sensor
 truly was, both in the map frame; preset.toml, how they were made. Build the map with
 `map build DIR/map.mcap --poses DIR/map_truth.tum` to have it in the frame of the truth.
-A simulation that was stopped goes on where it was when the same command is given again.";
+A simulation that was stopped goes on where it was when the same command is given again.
+
+Points have x y z (m, in the sensor frame), intensity (0-255), time (s, 0 or before: the stamp is the
+end of a sweep), ring (0 is the lowest laser), object_id (0 is the ground; the same thing has the same
+number at both visits) and class: 1 grass, 2 litter, 3 track, 4 road, 5 pavement, 10 tree, 11 bush,
+12 log, 13 stump, 14 undergrowth, 15 rock, 16 hedge, 20 building, 21 window, 22 wall, 23 fence, 30 pole,
+31 sign, 32 bin, 33 bench, 34 statue, 40 car, 41 van, 42 person, and what moves: 50 car, 51 van,
+52 cyclist, 53 walker, 54 dog. Odometry tells no covariance.";
 
 /// The presets, with what they mirror.
 fn presets() -> PossibleValuesParser {
@@ -251,7 +258,7 @@ pub struct SegmentsArgs {
     /// Where the sensor truly was, one file a recording and all in one frame [default: the odometry]
     #[arg(long, value_name = "FILE.tum", value_hint = ValueHint::FilePath)]
     pub truth: Vec<PathBuf>,
-    /// Name of the place [default: that of the first recording]
+    /// Name of the place [default: that of the first recording; simulated ones are named preset:seed:scale]
     #[arg(long, value_name = "NAME")]
     pub place: Option<String>,
     /// Metres of travel a cloud holds; several lengths give clouds of each

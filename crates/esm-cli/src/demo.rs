@@ -143,13 +143,14 @@ fn table(all: &[Found]) -> String {
             (Some(m), Some(deg)) => format!("{m:.2} m, {deg:.2}°"),
             _ => "-".to_owned(),
         };
-        let counts = [t.clouds, t.localizable, t.located, t.correct, t.wrong].map(|n| n.to_string());
+        let counts =
+            [t.clouds, t.localizable + t.too_short, t.located, t.correct, t.wrong].map(|n| n.to_string());
         rows.push(std::iter::once(place.name.to_owned()).chain(counts).chain([error]).collect());
         let medians = found.times.medians();
         let medians = medians.iter().map(|m| number(m.1, 1));
         times.push(std::iter::once(place.name.to_owned()).chain(medians).collect());
     }
-    let note = "localizable: near the mapped path, with enough travel in the cloud; correct: within 2 m and 5° of the\n\
+    let note = "localizable: within 10 m of the mapped path; correct: within 2 m and 5° of the\n\
                 truth; false: located and not correct; ms: medians.";
     format!("{}\n{}\n{note}", columns(&rows), columns(&times))
 }

@@ -178,9 +178,19 @@ fn places(args: &SegmentsArgs) -> anyhow::Result<Vec<Place>> {
             recording: dir.join(format!("{name}.mcap")),
             truth: Some(dir.join(format!("{name}_truth.tum"))),
         };
-        let place =
-            |dir: &PathBuf| Place { name: name(dir), drives: vec![visit(dir, "map"), visit(dir, "live")] };
-        return Ok(simulated.into_iter().map(place).collect());
+        let mut places = Vec::new();
+        for dir in simulated {
+            let Some(name) = esm_sim::made_in(dir) else {
+                let what = format!("{}: its preset.toml is missing or damaged", dir.display());
+                return Err(Failure::new(what, "simulate it again: the same command repairs it").into());
+            };
+            if places.iter().any(|p: &Place| p.name == name) {
+                let what = format!("{}: {name} is given twice", dir.display());
+                return Err(Failure::new(what, "the same simulation is the same place: give it once").into());
+            }
+            places.push(Place { name, drives: vec![visit(dir, "map"), visit(dir, "live")] });
+        }
+        return Ok(places);
     }
     if !args.truth.is_empty() && args.truth.len() != recorded.len() {
         let what = format!("{} truths for {} recordings", args.truth.len(), recorded.len());
@@ -202,9 +212,11 @@ fn source(args: &SegmentsArgs) -> String {
         let ranges: Vec<String> = args.read.frames.iter().map(ToString::to_string).collect();
         format!(" --frames {}", ranges.join(","))
     };
+    let inputs: Vec<String> = args.inputs.iter().map(|p| p.display().to_string()).collect();
     format!(
-        "esm-cli {} segments --accumulate {} --step {}{frames}",
+        "esm-cli {} segments {} --accumulate {} --step {}{frames}",
         env!("CARGO_PKG_VERSION"),
+        inputs.join(" "),
         lengths.join(","),
         args.step
     )

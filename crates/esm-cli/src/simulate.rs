@@ -64,11 +64,15 @@ pub(crate) fn make(preset: &Preset, seed: u64, scale: f64, dir: &Path, force: bo
             )
             .into());
         }
-        State::OtherUnfinished(words) => {
-            tracing::warn!(
-                "{}: the unfinished simulation of {words} is discarded: it is another one",
-                dir.display()
-            );
+        State::OtherUnfinished(words) if !force => {
+            let what =
+                format!("{}: this directory holds a part of another simulation: {words}", dir.display());
+            let hint = "give its arguments to go on with it, or choose another directory; simulate --force discards it";
+            return Err(Failure::new(what, hint).into());
+        }
+        State::Foreign(name) if !force => {
+            let what = format!("{}: it exists, and no simulation has made it", dir.join(name).display());
+            return Err(Failure::new(what, "choose another directory; simulate --force replaces it").into());
         }
         _ => {}
     }

@@ -29,7 +29,7 @@ pub use motion::{Drift, Path, Ride, Trajectory, drifted};
 pub use movers::{Mover, Movers};
 pub use plan::Plan;
 pub use preset::{PRESETS, Preset, Tour, preset};
-pub use resume::{State, state};
+pub use resume::{State, made_in, state};
 pub use sensor::{Firing, Point, Scan, Sensor, SensorModel, SweepSpec, sweep, sweep_among};
 pub use simulate::{Progress, Summary, check_scale, simulate};
 pub use tiles::Tiles;

@@ -49,7 +49,8 @@ pub struct Plan<'a> {
 impl<'a> Plan<'a> {
     /// The world at a visit, large enough for the preset's route times `scale`.
     pub fn world(preset: &Preset, seed: u64, scale: f64, tour: &Tour) -> World {
-        World::new(preset.world, seed, (preset.length_m * scale).max(LEAST_WORLD_M), tour.visit)
+        let length_m = (preset.length_m * scale).max(LEAST_WORLD_M);
+        World::new(preset.world, seed ^ preset.world_salt, length_m, tour.visit)
     }
 
     /// The plan of a visit to its [`world`](Self::world), with the same arguments.

@@ -61,6 +61,8 @@ pub struct Preset {
     pub about: &'static str,
     /// The kind of world.
     pub world: WorldKind,
+    /// Mixed into the seed: presets of one kind and seed with another salt have other worlds.
+    pub world_salt: u64,
     /// Length of the route, metres.
     pub length_m: f64,
     /// The sensor.
@@ -104,12 +106,16 @@ const fn tour(part: (f64, f64), number: u8, season: Season, change: f32) -> Tour
 /// Looks up, its plane across the way, tilted 5 degrees back: lines lie about upright.
 const PUSH_BROOM: [f64; 3] = [0.0, -95.0, 0.0];
 
+/// The worlds for learning are others than those for judging, whatever the seed.
+const LEARNING: u64 = 0x6C65_6172_6E00_0000;
+
 /// All presets. Seeds 0-99 are for training, 100-199 for tuning, 200 and up for judging only.
 pub const PRESETS: [Preset; 6] = [
     Preset {
         name: "burgess",
         about: "Burgess Field: a 2.8 km loop through copses and meadows, LMS151 push-broom, two weeks apart in February",
         world: WorldKind::Copse,
+        world_salt: 0,
         length_m: 2800.0,
         sensor: SensorModel::Lms151,
         sensor_height_m: 1.2,
@@ -129,6 +135,7 @@ pub const PRESETS: [Preset; 6] = [
         name: "cornbury",
         about: "Cornbury Park: 700 m in a wood, HDL-32E, 1,125 sweeps, summer and autumn",
         world: WorldKind::Forest,
+        world_salt: 0,
         length_m: 700.0,
         sensor: SensorModel::Hdl32e,
         sensor_height_m: 1.4,
@@ -148,6 +155,7 @@ pub const PRESETS: [Preset; 6] = [
         name: "george-square",
         about: "George Square: 500 m in a city park, LMS151 push-broom; 30 clouds in 500 m are swathes of 17 m",
         world: WorldKind::Park,
+        world_salt: 0,
         length_m: 500.0,
         sensor: SensorModel::Lms151,
         sensor_height_m: 1.1,
@@ -168,6 +176,7 @@ pub const PRESETS: [Preset; 6] = [
         about: "KITTI odometry 00: 3.7 km of streets; the last 700 m, which are localized, drive over mapped ones again, in \
                 both directions; HDL-64E, a sweep every 2 m",
         world: WorldKind::Urban,
+        world_salt: 0,
         length_m: 3700.0,
         sensor: SensorModel::Hdl64e,
         sensor_height_m: 1.73,
@@ -187,6 +196,7 @@ pub const PRESETS: [Preset; 6] = [
         name: "train-forest",
         about: "a wood for learning: VLP-16 and two seasons",
         world: WorldKind::Forest,
+        world_salt: LEARNING,
         length_m: 1000.0,
         sensor: SensorModel::Vlp16,
         sensor_height_m: 1.2,
@@ -206,6 +216,7 @@ pub const PRESETS: [Preset; 6] = [
         name: "train-urban",
         about: "streets for learning: HDL-64E, the same way driven twice",
         world: WorldKind::Urban,
+        world_salt: LEARNING,
         length_m: 1500.0,
         sensor: SensorModel::Hdl64e,
         sensor_height_m: 1.73,

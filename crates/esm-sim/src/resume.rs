@@ -4,6 +4,7 @@
 //! `.map.mcap.part`. A later run copies the whole sweeps of that part into a new one, message by message: the same calls
 //! give the same bytes, so nobody can tell that there was an interruption. In the end `unfinished.toml` is `preset.toml`.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::Path;
@@ -33,6 +34,8 @@ pub enum State {
     Unfinished,
     /// All of this one.
     Complete(Summary),
+    /// No simulation, but a file of this name that one would replace.
+    Foreign(String),
     /// A part of another one, in words.
     OtherUnfinished(String),
     /// All of another one, in words.
@@ -57,7 +60,11 @@ pub fn state(preset: &Preset, seed: u64, scale: f64, out_dir: &Path) -> State {
     if let Some(found) = Record::read(&out_dir.join(UNFINISHED)) {
         return if found.is_of(&wanted) { State::Unfinished } else { State::OtherUnfinished(found.words()) };
     }
-    let Some(found) = Record::read(&out_dir.join(COMPLETE)) else { return State::Nothing };
+    let Some(found) = Record::read(&out_dir.join(COMPLETE)) else {
+        let mut ours = VISITS.iter().flat_map(|v| files(v)).chain([COMPLETE.to_owned()]);
+        let foreign = ours.find(|name| out_dir.join(name).symlink_metadata().is_ok());
+        return foreign.map_or(State::Nothing, State::Foreign);
+    };
     if !found.is_of(&wanted) {
         return State::Other(found.words());
     }
@@ -67,9 +74,17 @@ pub fn state(preset: &Preset, seed: u64, scale: f64, out_dir: &Path) -> State {
             sum += live;
             State::Complete(sum)
         }
-        // A file was taken away.
+        // A file was taken away or cut.
         _ => State::Nothing,
     }
+}
+
+/// Which world a finished simulation in a directory shows, as `preset:seed:scale`; `None` where there is none. Two
+/// directories with one name hold the same.
+pub fn made_in(out_dir: &Path) -> Option<String> {
+    let record = Record::read(&out_dir.join(COMPLETE))?;
+    let seed = record.seed.as_str().map_or_else(|| record.seed.to_string(), str::to_owned);
+    Some(format!("{}:{seed}:{}", record.preset.get("name")?.as_str()?, record.scale))
 }
 
 /// What is being made, and what of it is done.
@@ -89,6 +104,9 @@ pub(crate) struct Record {
 struct Made {
     map: Option<Summary>,
     live: Option<Summary>,
+    /// Bytes of the files that are done.
+    #[serde(default)]
+    bytes: BTreeMap<String, u64>,
 }
 
 impl Record {
@@ -145,12 +163,16 @@ impl Record {
     /// What a visit adds up to, where it is done and its files are there.
     pub(crate) fn made(&self, name: &str, out_dir: &Path) -> Option<Summary> {
         let made = if name == "map" { self.made.map } else { self.made.live };
-        let there = |name: String| out_dir.join(name).is_file();
-        made.filter(|_| there(format!("{name}.mcap")) && there(format!("{name}_truth.tum")))
+        let whole =
+            |file: &String| size(&out_dir.join(file)).is_some_and(|n| self.made.bytes.get(file) == Some(&n));
+        made.filter(|_| files(name).iter().all(whole))
     }
 
     pub(crate) fn set_made(&mut self, name: &str, summary: Summary, out_dir: &Path) -> Result<(), Error> {
         *(if name == "map" { &mut self.made.map } else { &mut self.made.live }) = Some(summary);
+        for file in files(name) {
+            self.made.bytes.extend(size(&out_dir.join(&file)).map(|n| (file, n)));
+        }
         self.write(&out_dir.join(UNFINISHED))
     }
 
@@ -159,6 +181,16 @@ impl Record {
         self.write(&out_dir.join(COMPLETE))?;
         remove(&out_dir.join(UNFINISHED))
     }
+}
+
+/// The files of a visit.
+fn files(visit: &str) -> [String; 2] {
+    [format!("{visit}.mcap"), format!("{visit}_truth.tum")]
+}
+
+/// Bytes of a file, where it is one.
+fn size(path: &Path) -> Option<u64> {
+    fs::metadata(path).ok().filter(fs::Metadata::is_file).map(|m| m.len())
 }
 
 fn part_name(visit: &str) -> String {

@@ -34,7 +34,7 @@ pub(super) const KINDS: [Kind; 16] = [
     kind("poles, signs", [232, 196, 40], false),
     kind("benches, bins, statues", [214, 96, 160], false),
     kind("vehicles", [66, 112, 206], false),
-    kind("people, others", [226, 62, 52], false),
+    kind("people, cyclists, dogs", [226, 62, 52], false),
 ];
 
 /// The place of a class in [`KINDS`].
@@ -54,7 +54,7 @@ pub(super) fn kind_of(class: Class) -> usize {
         Class::Wall | Class::Fence => 11,
         Class::Pole | Class::Sign => 12,
         Class::Bench | Class::Bin | Class::Statue => 13,
-        Class::Car | Class::Van => 14,
+        Class::Car | Class::Van | Class::MovingCar | Class::MovingVan => 14,
         _ => 15,
     }
 }
