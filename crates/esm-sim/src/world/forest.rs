@@ -36,7 +36,7 @@ pub(super) struct Cover {
 /// Closed stands with clearings.
 pub(super) const WOOD: Cover = Cover { clearing: (0.42, 0.6), low: 1.0 };
 /// Meadows in which trees stand in groups.
-pub(super) const COPSE: Cover = Cover { clearing: (-0.2, 0.1), low: 0.5 };
+pub(super) const COPSE: Cover = Cover { clearing: (-0.36, -0.06), low: 0.4 };
 
 /// Makes a thing at a place (x, y) from how much it has grown and what is drawn for it; `None` where nothing stands.
 type Maker<'a> = &'a dyn Fn(f64, f64, f32, &mut Draw) -> Option<(Class, Vec<Shape>)>;
