@@ -9,7 +9,7 @@ use nalgebra::{Point3, Vector3};
 use rustc_hash::FxHashSet;
 
 use crate::error::Error;
-use crate::identity::{Ground, above_ground};
+use crate::ground::{Ground, above_ground};
 use crate::votes::Votes;
 
 /// Sweeps nearer than this to the one before add no labels that are not there, metres.

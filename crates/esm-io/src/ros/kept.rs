@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::point_cloud2;
+use super::{point_cloud2, schemas};
 use crate::error::Error;
 use crate::mcap_file::{MessageStream, Wanted};
 
@@ -69,8 +69,8 @@ impl KeptSweeps {
     }
 
     fn sweep(&mut self) -> Option<KeptSweep> {
-        let (time, odometry) = self.message(super::recording_writer::ODOMETRY_SCHEMA_NAME)?;
-        let (stamp, cloud) = self.message(super::recording_writer::CLOUD_SCHEMA_NAME)?;
+        let (time, odometry) = self.message(schemas::ODOMETRY_NAME)?;
+        let (stamp, cloud) = self.message(schemas::CLOUD_NAME)?;
         let stamp_ns = i64::try_from(stamp).ok()?;
         (time == stamp).then_some(KeptSweep { stamp_ns, odometry, cloud })
     }

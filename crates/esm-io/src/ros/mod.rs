@@ -8,3 +8,4 @@ pub(crate) mod motion;
 pub(crate) mod point_cloud2;
 pub(crate) mod pose_writer;
 pub(crate) mod recording_writer;
+mod schemas;

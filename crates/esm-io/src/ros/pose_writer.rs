@@ -8,43 +8,9 @@ use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions, Writer};
 use nalgebra::Matrix6;
 
+use super::schemas;
 use crate::atomic::AtomicFile;
 use crate::error::Error;
-
-const SCHEMA_NAME: &str = "geometry_msgs/msg/PoseWithCovarianceStamped";
-
-/// The message definition with everything it refers to, in rosbag2's order and separators.
-const SCHEMA: &str = "\
-std_msgs/Header header
-PoseWithCovariance pose
-================================================================================
-MSG: geometry_msgs/PoseWithCovariance
-Pose pose
-float64[36] covariance
-================================================================================
-MSG: geometry_msgs/Pose
-Point position
-Quaternion orientation
-================================================================================
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-================================================================================
-MSG: geometry_msgs/Quaternion
-float64 x 0
-float64 y 0
-float64 z 0
-float64 w 1
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-";
 
 /// Writes poses to an MCAP file that appears when [`finish`](Self::finish) is called, and not before.
 ///
@@ -79,7 +45,8 @@ impl PoseWriter {
         let options =
             WriteOptions::new().profile("ros2").library(concat!("esm-io ", env!("CARGO_PKG_VERSION")));
         let mut writer = options.create(AtomicFile::create(&path)?).map_err(failed)?;
-        let schema = writer.add_schema(SCHEMA_NAME, "ros2msg", SCHEMA.as_bytes()).map_err(failed)?;
+        let schema =
+            writer.add_schema(schemas::POSE_NAME, "ros2msg", schemas::POSE.as_bytes()).map_err(failed)?;
         let channel = writer.add_channel(schema, topic, "cdr", &BTreeMap::new()).map_err(failed)?;
         Ok(Self { path, writer, channel, frame_id: frame_id.to_owned(), sequence: 0 })
     }

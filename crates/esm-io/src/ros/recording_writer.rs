@@ -10,91 +10,9 @@ use mcap::{WriteOptions, Writer};
 use super::cdr_writer::CdrWriter;
 use super::kept::KeptSweep;
 use super::pose_writer::write_error;
+use super::schemas;
 use crate::atomic::AtomicFile;
 use crate::error::Error;
-
-pub(super) const CLOUD_SCHEMA_NAME: &str = "sensor_msgs/msg/PointCloud2";
-const CLOUD_SCHEMA: &str = "\
-std_msgs/Header header
-uint32 height
-uint32 width
-PointField[] fields
-bool is_bigendian
-uint32 point_step
-uint32 row_step
-uint8[] data
-bool is_dense
-================================================================================
-MSG: sensor_msgs/PointField
-uint8 INT8=1
-uint8 UINT8=2
-uint8 INT16=3
-uint8 UINT16=4
-uint8 INT32=5
-uint8 UINT32=6
-uint8 FLOAT32=7
-uint8 FLOAT64=8
-string name
-uint32 offset
-uint8 datatype
-uint32 count
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-";
-
-pub(super) const ODOMETRY_SCHEMA_NAME: &str = "nav_msgs/msg/Odometry";
-const ODOMETRY_SCHEMA: &str = "\
-std_msgs/Header header
-string child_frame_id
-geometry_msgs/PoseWithCovariance pose
-geometry_msgs/TwistWithCovariance twist
-================================================================================
-MSG: geometry_msgs/PoseWithCovariance
-Pose pose
-float64[36] covariance
-================================================================================
-MSG: geometry_msgs/TwistWithCovariance
-Twist twist
-float64[36] covariance
-================================================================================
-MSG: geometry_msgs/Twist
-Vector3 linear
-Vector3 angular
-================================================================================
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-================================================================================
-MSG: geometry_msgs/Pose
-Point position
-Quaternion orientation
-================================================================================
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-================================================================================
-MSG: geometry_msgs/Quaternion
-float64 x 0
-float64 y 0
-float64 z 0
-float64 w 1
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-";
 
 /// Uncompressed bytes of a chunk: some sweeps, so that a torn file loses little.
 const CHUNK_BYTES: u64 = 4 << 20;
@@ -213,9 +131,10 @@ impl RecordingWriter {
             let schema = writer.add_schema(name, "ros2msg", schema.as_bytes())?;
             writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
         };
-        let cloud_channel = channel(layout.cloud_topic, CLOUD_SCHEMA_NAME, CLOUD_SCHEMA).map_err(failed)?;
+        let cloud_channel =
+            channel(layout.cloud_topic, schemas::CLOUD_NAME, schemas::CLOUD).map_err(failed)?;
         let odometry_channel =
-            channel(layout.odometry_topic, ODOMETRY_SCHEMA_NAME, ODOMETRY_SCHEMA).map_err(failed)?;
+            channel(layout.odometry_topic, schemas::ODOMETRY_NAME, schemas::ODOMETRY).map_err(failed)?;
         Ok(Self {
             writer,
             cloud_channel,
