@@ -74,6 +74,8 @@ fn scanner() -> Sensor {
         max_range_m: 50.0,
         range_10_percent_m: 40.0,
         noise_m: 0.02,
+        offset_m: 0.0,
+        unit: 0,
         divergence_rad: 0.002,
         source: "after the mobile scanner of the plot",
     }

@@ -60,7 +60,8 @@ impl<'a> Plan<'a> {
         let height = |x, y| world.height(x, y);
         let way = tour.way(world, length);
         let trajectory = Arc::new(Trajectory::new(way, preset.ride(), key.with(1), height));
-        let sensor = preset.sensor();
+        // Both visits drive the same vehicle.
+        let sensor = Sensor { unit: seed, ..preset.sensor() };
         let end = length.min(trajectory.length());
         let stamps_ns = stamps(preset, &trajectory, tour.part.0 * end, tour.part.1 * end, sensor.period_s);
         let truth: Vec<Pose> = stamps_ns.iter().map(|ns| trajectory.pose(seconds(*ns))).collect();

@@ -95,7 +95,7 @@ pub struct Preset {
     pub live: Tour,
 }
 
-const DRIFT: Drift = Drift { translation: 0.01, rotation_deg_per_100m: 0.5 };
+const DRIFT: Drift = Drift::LIDAR;
 const ALL: (f64, f64) = (0.0, 1.0);
 
 const fn tour(part: (f64, f64), number: u8, season: Season, change: f32) -> Tour {
@@ -187,7 +187,7 @@ pub const PRESETS: [Preset; 6] = [
         shake_deg: 0.35,
         spacing_m: 2.0,
         undistorted: true,
-        drift: DRIFT,
+        drift: Drift::GNSS_INS,
         accumulate_m: 20.0,
         map: tour((0.0, REVISIT_SHARE), 0, Season::October, 0.01),
         live: tour((REVISIT_SHARE, 1.0), 1, Season::October, 0.01),
@@ -227,7 +227,7 @@ pub const PRESETS: [Preset; 6] = [
         shake_deg: 0.35,
         spacing_m: 2.0,
         undistorted: true,
-        drift: DRIFT,
+        drift: Drift::GNSS_INS,
         accumulate_m: 20.0,
         map: tour(ALL, 0, Season::May, 0.05),
         live: tour(ALL, 1, Season::October, 0.05),

@@ -77,6 +77,7 @@ fn sweep_with(
         Crowd::new(movers, spec.stamp_s, sensor.active_s, at_stamp.translation.vector, range, scene.origin())
     });
     let mut present = Vec::new();
+    let offsets = sensor.offsets();
     // The motion within a sweep in 64 pieces: 1.6 ms each at 10 Hz.
     const PIECES: usize = 64;
     let poses: Vec<Pose> = (0..=PIECES)
@@ -104,7 +105,7 @@ fn sweep_with(
             let key = spec.key.with(ray);
             ray += 1;
             let along = (rotation * dir).cast::<f32>();
-            let Some((hit, range)) = surroundings.measure(along, key) else { continue };
+            let Some((hit, range)) = surroundings.measure(along, offsets[ring], key) else { continue };
             let local = dir * f64::from(range);
             let local = if spec.undistorted {
                 at_stamp.inverse_transform_vector(&(rotation * local + at - at_stamp.translation.vector))
@@ -135,8 +136,8 @@ struct Surroundings<'a> {
 }
 
 impl Surroundings<'_> {
-    /// One pulse: what it hits and the range that is measured.
-    fn measure(&self, along: Vector3<f32>, key: Key) -> Option<(Hit, f32)> {
+    /// One pulse of a laser whose ranges are off by `offset`: what it hits and the range that is measured.
+    fn measure(&self, along: Vector3<f32>, offset: f32, key: Key) -> Option<(Hit, f32)> {
         let sensor = self.sensor;
         let mut draw = key.draw();
         let (lost, mixed, detected) = (draw.unit(), draw.unit(), draw.unit());
@@ -171,7 +172,7 @@ impl Surroundings<'_> {
         let strength = hit.class.reflectivity() * hit.cos_incidence;
         let sight = sensor.range_10_percent_m * (strength / 0.1).sqrt();
         let chance = 1.0 / (1.0 + ((range - sight) / (0.07 * sight + 0.1)).exp());
-        range += sensor.noise_m * draw.normal();
+        range += offset + sensor.noise_m * draw.normal();
         let valid = range >= sensor.min_range_m && range <= sensor.max_range_m && detected < chance;
         valid.then_some((hit, range))
     }
