@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Simulates the worlds for learning, for tuning and for judging, and cuts them into labelled segments:
 #   python/train/make-data.sh [JOBS]
-# Everything goes into python/train/data (ESM_DATA names another folder), a folder of sets a kind: train/, tune-map/,
-# tune-live/, judge-map/ and judge-live/. A set that exists is kept, so that an interrupted run goes on where it was.
-# Recordings are deleted once they are cut. ESM_CLI names the program where it is not ../../target/release/esm-cli.
+# Everything goes into python/train/data (ESM_DATA names another folder), a folder of sets a kind: train/, tune/ and judge/.
+# Visit 0 of a set is its map, visit 1 what is to be found in it. A set that exists is kept, so that an interrupted run goes on
+# where it was. Recordings are deleted once they are cut. ESM_CLI names the program where it is not ../../target/release/esm-cli.
 set -euo pipefail
 cd "$(dirname "$0")"
 export ESM_CLI=$(realpath "${ESM_CLI:-../../target/release/esm-cli}")
@@ -14,26 +14,14 @@ jobs=${1:-$(nproc)}
 world() {
     local kind=$1 preset=$2 seed=$3 scale=$4 lengths=$5 step=$6
     local name=$preset-$seed sim=$ESM_DATA/sim/$preset-$seed
-    local cut=("$ESM_CLI" segments --quiet --threads 1 --accumulate "$lengths" --step "$step")
-    if [[ $kind == train ]]; then
-        [[ -e $ESM_DATA/train/$name ]] && return
-    else
-        [[ -e $ESM_DATA/$kind-live/$name ]] && return
-    fi
+    [[ -e $ESM_DATA/$kind/$name ]] && return
     "$ESM_CLI" simulate "$preset" --seed "$seed" --scale "$scale" --threads 1 --quiet --json -o "$sim" >"$ESM_DATA/log/$name.json"
-    if [[ $kind == train ]]; then
-        "${cut[@]}" -o "$ESM_DATA/train/$name" "$sim"
-    else
-        for visit in map live; do
-            [[ -e $ESM_DATA/$kind-$visit/$name ]] && continue
-            "${cut[@]}" -o "$ESM_DATA/$kind-$visit/$name" --place "$name" --truth "$sim/${visit}_truth.tum" "$sim/$visit.mcap"
-        done
-    fi
+    "$ESM_CLI" segments --quiet --threads 1 --accumulate "$lengths" --step "$step" -o "$ESM_DATA/$kind/$name" "$sim"
     rm -r "$sim"
 }
 export -f world
 
-mkdir -p "$ESM_DATA"/{sim,log,train,tune-map,tune-live,judge-map,judge-live}
+mkdir -p "$ESM_DATA"/{sim,log,train,tune,judge}
 {
     # The four data sets' kinds at tuning seeds, and at judging seeds.
     for n in 0 1; do

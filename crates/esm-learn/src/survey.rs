@@ -12,8 +12,10 @@ use crate::error::Error;
 use crate::ground::{Ground, above_ground};
 use crate::votes::Votes;
 
-/// Sweeps nearer than this to the one before add no labels that are not there, metres.
+/// Sweeps nearer than this to the one before add no labels that are not there, metres; sweeps of few points proportionally
+/// nearer ones, as the accumulator keeps them: each line of a push-broom scanner sees what no other does.
 const LEAST_STEP_M: f64 = 0.25;
+const FULL_SWEEP: f64 = 4000.0;
 
 /// Of a sweep's points each object keeps one a voxel of this edge, metres.
 const LABEL_VOXEL_M: f32 = 0.1;
@@ -120,7 +122,8 @@ impl Surveyor {
             return;
         }
         let apart = self.labelled.back().map_or(f64::INFINITY, |l| self.travel_m - l.travel_m);
-        if apart < LEAST_STEP_M && self.distance_m > 0.0 {
+        let least = LEAST_STEP_M * (sweep.len() as f64 / FULL_SWEEP).min(1.0);
+        if apart < least && self.distance_m > 0.0 {
             return;
         }
         let range = self.max_range_m as f32;
@@ -209,6 +212,27 @@ mod tests {
             }
         }
         assert_eq!(clouds, 3, "at 4, 7 and 10 m of travel");
+    }
+
+    /// The same posts as a scanner sees them whose lines lie across the way, 4 cm apart.
+    #[test]
+    fn lines_across_the_way_have_labels_too() {
+        let accumulate = AccumulateConfig { distance_m: 10.0, ..AccumulateConfig::default() };
+        let mut surveyor = Surveyor::new(&accumulate, &SegmentConfig::default(), 10.0).unwrap();
+        let (scene, labels) = sweep(0.0);
+        let mut found = None;
+        for n in 0..500 {
+            let x = 0.04 * n as f32 + 5.0;
+            let seen =
+                scene.points().iter().zip(&labels).filter(|(p, _)| (x - 0.02..x + 0.02).contains(&p[0]));
+            let (points, labels): (Vec<_>, Vec<_>) = seen.map(|(p, l)| ([p[0] - x, p[1], p[2]], *l)).unzip();
+            let pose = Pose::translation(f64::from(x), 0.0, 0.0);
+            let cloud = PointCloud::try_new(points).unwrap();
+            found = found.or(surveyor.push(f64::from(n), &cloud, &labels, pose, Some(pose)));
+        }
+        let found = found.expect("a cloud of 10 m");
+        assert_eq!(found.len(), 2);
+        assert!(found.iter().all(|f| f.label.is_some()));
     }
 
     #[test]

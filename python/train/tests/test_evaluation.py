@@ -17,6 +17,7 @@ from esm_train.metrics import nearest_in_map, reliability, roc
 from esm_train.plan import tiny_plan
 from esm_train.quality import distance_thresholds, train_quality
 from esm_train.run import random_network
+from esm_train.synthetic import write_synthetic
 from esm_train.validation import Validation, open_sides
 
 
@@ -57,6 +58,23 @@ def test_pairs_keep_their_promises(sets: dict[str, str]) -> None:
     assert (sides.distance(e.hard.live, e.hard.map) > 20.0).all()
     own, other = e.live_lengths[e.hard.live, 3:], e.map_lengths[e.hard.map, 3:]
     assert (np.abs(own - other) < 0.2 * own).all()
+
+
+def test_visits_of_one_directory_are_map_and_live(tmp_path: Path) -> None:
+    for visit in (0, 1):
+        path = tmp_path / "both" / f"visit{visit}"
+        write_synthetic(path, objects=30, observations=2, seed=4, place="synthetic:4", visit=visit)
+    both = str(tmp_path / "both")
+    apart = open_sides((f"{both}/visit0",), (f"{both}/visit1",), "test")
+    sides = open_sides((f"{both}@0",), (f"{both}@1",), "test")
+    assert len(sides.map_rows) == len(apart.map_rows) == 60 and len(sides.live) == 120
+    assert (sides.live.visit[sides.live_rows] == 1).all() and (sides.map.visit[sides.map_rows] == 0).all()
+    assert [sides.counterparts(i).tolist() for i in range(60)] == [apart.counterparts(i).tolist() for i in range(60)]
+    validations = [Validation(s, tiny_plan(), max_live=20, max_map=30, lists=True) for s in (sides, apart)]
+    torch.testing.assert_close(*(v.live_inputs.points for v in validations))
+    torch.testing.assert_close(*(v.map_inputs.points for v in validations))
+    with pytest.raises(TrainError, match="no segments of that visit"):
+        open_sides((f"{both}@7",), (f"{both}@1",), "test")
 
 
 def test_truth_by_position(sets: dict[str, str]) -> None:

@@ -69,8 +69,22 @@ def test_normalisation() -> None:
     np.testing.assert_allclose(x.mean(axis=0), 0.0, atol=1e-6)
     assert float((x.astype(np.float64) ** 2).mean()) == pytest.approx(1.0, abs=1e-6)
     assert x.std(axis=0)[2] > 2 * x.std(axis=0)[0]
-    same = normalise(np.full((256, 3), 7.0, np.float32))
-    assert (same == 0.0).all()
+    for turned in (False, True):
+        same = normalise(np.full((256, 3), 7.0, np.float32), turned)
+        assert (same == 0.0).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(angle=st.floats(-7.0, 7.0))
+def test_headings_do_not_matter_to_what_is_turned(angle: float) -> None:
+    rng = np.random.default_rng(1)
+    thing = np.stack((4.0 * rng.random(256) * rng.random(256), rng.random(256), 2.0 * rng.random(256)), axis=1)
+    c, s = np.cos(angle), np.sin(angle)
+    other = thing @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    first, second = (normalise(p.astype(np.float32), turned=True) for p in (thing, other))
+    np.testing.assert_allclose(first, second, atol=1e-4)
+    assert first.std(axis=0)[0] > first.std(axis=0)[1]
+    assert not np.allclose(normalise(thing.astype(np.float32)), first, atol=1e-2)
 
 
 @settings(max_examples=60, deadline=None)
@@ -112,6 +126,22 @@ def test_batches_hold_pairs_of_different_observations(sets: dict[str, str]) -> N
     assert not (sampler.rows(0, rank=1) == sampler.rows(0)).all()
     with pytest.raises(TrainError, match="60 objects were seen in two observations"):
         BatchSampler(corpus, BatchConfig(classes=61), 3)
+
+
+def test_pairs_alike_in_fullness_where_there_are_such(sets: dict[str, str]) -> None:
+    corpus = Corpus([SegmentSet(Path(sets["train"]))])
+    # Three views of each object: two full ones and a thin one.
+    corpus.counts = np.where(corpus.observation % 3 == 2, 50, 400 + corpus.observation % 3)
+    assert {len(np.unique(corpus.counts[corpus.object == o])) for o in np.unique(corpus.object)} == {3}
+
+    def like(share: float) -> float:
+        sampler = BatchSampler(corpus, BatchConfig(classes=40, alike_fullness=share, across_visits=0.0), 0)
+        pairs = np.concatenate([corpus.counts[sampler.rows(step)].reshape(40, 2) for step in range(4)])
+        return float((np.abs(np.log(pairs[:, 0] / pairs[:, 1])) < np.log(2.0)).mean())
+
+    # Of two at random a third are the full ones; with a full one first, its like comes second.
+    assert 0.2 < like(0.0) < 0.5
+    assert 0.55 < like(1.0) < 0.8
 
 
 def test_unknown_objects_and_single_views_are_no_identities(sets: dict[str, str]) -> None:

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from esm_train.config import LossConfig
-from esm_train.losses import descriptor_loss
+from esm_train.losses import descriptor_loss, parted_loss
 
 
 def by_loops(d: np.ndarray, labels: list[int], margin: float) -> tuple[list[float], list[float], list[float]]:
@@ -42,15 +42,20 @@ def test_by_loops(mining: str) -> None:
     assert float(loss.active) == pytest.approx(len(above) / len(costs))
 
 
-def test_softmax_by_loops() -> None:
+@pytest.mark.parametrize("kind", ["softmax", "power"])
+def test_softmax_by_loops(kind: str) -> None:
     d = np.random.default_rng(1).normal(size=(6, 3))
     labels = [0, 0, 1, 1, 2, 2]
-    config = LossConfig(kind="softmax", temperature=0.7, pair_weight=0.0)
+    config = LossConfig(kind=kind, temperature=0.7, power=2.5, margin=0.4, pair_weight=0.0)
     terms = []
+
+    def weight(squared: float) -> float:
+        return float(np.exp(-squared / 0.7) if kind == "softmax" else (squared + 0.4) ** -2.5)
+
     for a in range(6):
         for p in range(6):
             if a != p and labels[a] == labels[p]:
-                e = {n: np.exp(-((d[a] - d[n]) ** 2).sum() / 0.7) for n in range(6) if n == p or labels[n] != labels[a]}
+                e = {n: weight(((d[a] - d[n]) ** 2).sum()) for n in range(6) if n == p or labels[n] != labels[a]}
                 terms.append(-np.log(e[p] / sum(e.values())))
     loss = descriptor_loss(torch.from_numpy(d), torch.tensor(labels), config)
     assert float(loss.total) == pytest.approx(np.mean(terms), rel=1e-5)
@@ -63,3 +68,12 @@ def test_collapse_has_cost_one_and_no_gradient() -> None:
     loss.total.backward()  # type: ignore[no-untyped-call]
     assert float(loss.total.detach()) == 1.0
     assert d.grad is not None and float(d.grad.abs().max()) == 0.0
+
+
+def test_the_learned_numbers_bear_their_share() -> None:
+    d = torch.from_numpy(np.random.default_rng(2).normal(size=(6, 5)))
+    labels = torch.tensor([0, 0, 1, 1, 2, 2])
+    whole, learned = (float(descriptor_loss(x, labels, LossConfig()).total) for x in (d, d[:, :3]))
+    shared = parted_loss(d, 3, labels, LossConfig(learned_share=0.25))
+    assert float(shared.total) == pytest.approx(0.75 * whole + 0.25 * learned)
+    assert float(parted_loss(d, 5, labels, LossConfig(learned_share=0.25)).total) == pytest.approx(whole)

@@ -62,8 +62,8 @@ def _parser() -> argparse.ArgumentParser:
     initial.add_argument("-o", "--output", type=Path, required=True)
     judge = command("evaluate", _evaluate, "ROC, recall, reliability and embedding of weights beside the baselines.")
     judge.add_argument("--weights", action="append", type=Path, required=True, help="weights file; several compare")
-    judge.add_argument("--map", action="append", type=Path, required=True, help="segments of the map")
-    judge.add_argument("--live", action="append", type=Path, required=True, help="segments of the query")
+    judge.add_argument("--map", action="append", required=True, help="segments of the map; DIR@0: visit 0 of DIR")
+    judge.add_argument("--live", action="append", required=True, help="segments of the query; DIR@1: visit 1 of DIR")
     judge.add_argument("--truth", choices=("auto", "object", "position"), default="auto")
     judge.add_argument("--radius", type=float, default=0.7, help="metres between counterparts, by position")
     judge.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
@@ -72,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     judge.add_argument("-o", "--output", type=Path, required=True, help="directory of report.json and the pictures")
     gold = command("golden", _golden, "Writes golden activations of a weights file (WEIGHTS.md).")
     gold.add_argument("--weights", type=Path, required=True)
+    gold.add_argument("--data", action="append", default=[], help="segments of these sets; inputs and answers only")
     gold.add_argument("--segments", type=int, default=24)
     gold.add_argument("--seed", type=int, default=0)
     gold.add_argument("-o", "--output", type=Path, required=True)
@@ -88,7 +89,22 @@ def _parser() -> argparse.ArgumentParser:
     rate.add_argument("--threads", type=int, default=0)
     rate.add_argument("--classes", type=int, default=32, help="objects a batch, two segments each")
     rate.add_argument("--repeat", type=int, default=3)
+    beside = command("race", _race, "Times the forward pass beside PyTorch's and ONNX Runtime's (uv run --group race).")
+    beside.add_argument("--weights", type=Path, required=True)
+    beside.add_argument("--program", type=Path, default=Path("../../target/release/examples/forward"))
+    beside.add_argument("--threads", type=int, default=1)
+    beside.add_argument("--segments", type=int, default=46)
+    beside.add_argument("--rounds", type=int, default=7)
+    beside.add_argument("--json", action="store_true")
     return parser
+
+
+def _race(options: argparse.Namespace) -> int:
+    from esm_train.race import race, table
+
+    report = race(options.weights, options.program, options.threads, options.segments, options.rounds)
+    print(json.dumps(report) if options.json else table(report))
+    return 0
 
 
 def _config(_options: argparse.Namespace) -> int:
@@ -153,9 +169,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     from esm_train.validation import open_sides
     from esm_train.weights import load_network
 
-    sides = open_sides(
-        tuple(map(str, options.map)), tuple(map(str, options.live)), "evaluate", options.truth, options.radius
-    )
+    sides = open_sides(tuple(options.map), tuple(options.live), "evaluate", options.truth, options.radius)
     networks: list[tuple[str, EsmNet, QualityHead]] = []
     for file in options.weights:
         model, head, metadata = load_network(file)
@@ -167,11 +181,17 @@ def _evaluate(options: argparse.Namespace) -> int:
 
 
 def _golden(options: argparse.Namespace) -> int:
-    from esm_train.golden import write_golden
+    from esm_train.golden import write_answers, write_golden
+    from esm_train.validation import open_corpus
     from esm_train.weights import load_network
 
     model, head, _ = load_network(options.weights)
-    size = write_golden(model, head, options.weights, options.output, count=options.segments, seed=options.seed)
+    count = options.segments
+    if options.data:
+        corpus = open_corpus(tuple(options.data), "golden")
+        size = write_answers(model, head, options.weights, corpus, options.output, count)
+    else:
+        size = write_golden(model, head, options.weights, options.output, count=count, seed=options.seed)
     print(f"{options.output}: {options.segments} segments, {size} bytes", file=sys.stderr)
     return 0
 

@@ -48,12 +48,17 @@ class NetworkConfig:
     points: tuple[int, ...] = ()
     """Points each X-conv keeps; empty takes the variant's."""
     learned_dim: int = 16
+    turned: str = ""
+    """yes: segments are turned about the up axis into a pose of their own before they enter; no: as they are met, as
+    the paper has it; empty takes the variant's."""
     size_mode: str = ""
     """none, beside, fc or both; empty takes the variant's."""
     above_ground: bool = False
     """A seventh size: the height above ground."""
     size_weight: float = 0.5
     """Starting value of the learned weights of the sizes: at first they lead, and the untrained numbers add little."""
+    gain: float = 0.1
+    """Factor on the first weights of the last layer: 0.1 starts distances near the margin 0.01, 0.5 near 1."""
     dropout: float = 0.5
     init_from: str = ""
     """A checkpoint whose weights of equal shape are the start; empty starts from random ones."""
@@ -61,7 +66,7 @@ class NetworkConfig:
 
 @dataclass(frozen=True)
 class DataConfig:
-    """Directories in the format of DATA.md, relative to the configuration file."""
+    """Directories in the format of DATA.md, or directories of such, relative to the configuration file."""
 
     train: tuple[str, ...] = ()
     size_statistics: int = 20_000
@@ -76,6 +81,9 @@ class BatchConfig:
     per_class: int = 2
     across_visits: float = 0.5
     """How often a pair is looked for across visits, where the object has several."""
+    alike_fullness: float = 0.8
+    """How often the rows of an object are chosen to hold about as many points each: a single sweep's few and a full
+    cloud's many rarely show the same."""
     hard_fraction: float = 0.0
     """Share of the batch drawn in groups of objects alike in class and size."""
     hard_group: int = 8
@@ -89,13 +97,18 @@ class LossConfig:
     """L = triplet + pair_weight * pair, both means."""
 
     kind: str = "triplet"
-    """triplet (the paper's ratio), or softmax over the batch, for comparison."""
+    """triplet (the paper's ratio), or a softmax over the batch: of -D / temperature (softmax) or -power log(D + margin)
+    (power), which like the paper's ratio forgives pairs that look nothing alike."""
     mining: str = "all"
     """all: mean over all valid triplets of the batch; active: over those above zero; hard: the nearest negative."""
+    learned_share: float = 0.0
+    """Share of the loss that the learned numbers bear alone, where sizes stand beside them."""
     margin: float = 0.01
     pair_weight: float = 1.0
     temperature: float = 0.1
     """Of the softmax loss."""
+    power: float = 3.0
+    """Of the power loss."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +127,7 @@ class OptimConfig:
 
 @dataclass(frozen=True)
 class ValidationConfig:
-    """Recall of the true counterpart on sets that are not trained on."""
+    """Recall of the true counterpart on sets that are not trained on; DIR@0 is the first visit of the sets of DIR."""
 
     map: tuple[str, ...] = ()
     live: tuple[str, ...] = ()
@@ -175,6 +188,7 @@ class Config:
                 size_mode=n.size_mode or None,
                 size_features=features,
                 learned_dim=n.learned_dim,
+                turned={"": None, "yes": True, "no": False}[n.turned],
             )
         except ValueError as error:
             raise TrainError(f"[network]: {error}") from None
@@ -246,13 +260,17 @@ def _check(config: Config, file: Path) -> None:
     need(c.network.size_mode in modes, "network.size_mode", c.network.size_mode, "none, beside, fc or both")
     need(0.0 <= c.network.dropout < 1.0, "network.dropout", c.network.dropout, "0 to below 1")
     need(c.network.size_weight > 0.0, "network.size_weight", c.network.size_weight, "a positive number")
+    need(c.network.turned in ("", "yes", "no"), "network.turned", c.network.turned, "yes or no")
+    need(c.network.gain > 0.0, "network.gain", c.network.gain, "a positive number")
     need(1 <= c.network.learned_dim <= 64, "network.learned_dim", c.network.learned_dim, "1 to 64")
     need(c.batch.classes >= 2, "batch.classes", c.batch.classes, "at least 2")
     need(c.batch.per_class >= 2, "batch.per_class", c.batch.per_class, "at least 2")
     need(0.0 <= c.batch.hard_fraction <= 1.0, "batch.hard_fraction", c.batch.hard_fraction, "0 to 1")
     need(c.batch.hard_group >= 2, "batch.hard_group", c.batch.hard_group, "at least 2")
-    need(c.loss.kind in ("triplet", "softmax"), "loss.kind", c.loss.kind, "triplet or softmax")
+    need(c.loss.kind in ("triplet", "softmax", "power"), "loss.kind", c.loss.kind, "triplet, softmax or power")
+    need(c.loss.power > 0.0, "loss.power", c.loss.power, "a positive number")
     need(c.loss.mining in ("all", "active", "hard"), "loss.mining", c.loss.mining, "all, active or hard")
+    need(0.0 <= c.loss.learned_share <= 1.0, "loss.learned_share", c.loss.learned_share, "0 to 1")
     need(c.loss.margin > 0.0, "loss.margin", c.loss.margin, "a positive number")
     need(c.optim.steps >= 1, "optim.steps", c.optim.steps, "at least 1")
     need(c.optim.learning_rate > 0.0, "optim.learning_rate", c.optim.learning_rate, "a positive number")

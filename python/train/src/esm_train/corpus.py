@@ -99,6 +99,10 @@ def identities(corpus: Corpus) -> Identities:
     return Identities(kept, starts)
 
 
+FULLNESS_FACTOR = 2.0
+"""Two views are alike in fullness when neither has more points than the other by more than this."""
+
+
 class BatchSampler:
     """The rows of a batch, a function of seed, step and rank alone, so that a training resumes at any step."""
 
@@ -153,4 +157,9 @@ class BatchSampler:
             _, first = np.unique(self.corpus.visit[rows], return_index=True)
             leading = np.sort(first)
             rows = np.concatenate((rows[leading], np.delete(rows, leading)))
+        if rng.random() < self.config.alike_fullness:
+            # Those that hold about as many points as the first one come next, in the order they had.
+            counts = self.corpus.counts[rows].astype(np.float64)
+            alike = np.abs(np.log(counts / counts[0])) < np.log(FULLNESS_FACTOR)
+            rows = np.concatenate((rows[alike], rows[~alike]))
         return rows[np.arange(self.config.per_class) % len(rows)]

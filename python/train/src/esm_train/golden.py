@@ -10,7 +10,8 @@ import torch
 from safetensors.numpy import save_file
 
 from esm_train.checkpoint import atomically
-from esm_train.inputs import Inputs, make_inputs
+from esm_train.corpus import Corpus
+from esm_train.inputs import Inputs, inference_inputs, make_inputs
 from esm_train.model import EsmNet, QualityHead
 from esm_train.sampling import rng_of_points, sample
 from esm_train.synthetic import CLASSES, object_surface, view
@@ -64,14 +65,33 @@ def trace(model: EsmNet, head: QualityHead, inputs: Inputs) -> dict[str, np.ndar
     descriptor = model(inputs.points, inputs.neighbours, inputs.sizes)
     out["descriptor"] = descriptor.numpy()
     out["quality"] = head.probability(descriptor).numpy()
-    # safetensors writes the memory as it lies there: views with strides would come out wrong.
-    return {name: np.ascontiguousarray(value) for name, value in out.items()}
+    return out
 
 
 def write_golden(model: EsmNet, head: QualityHead, weights: Path, file: Path, *, count: int, seed: int) -> int:
     """Writes the golden file of a weights file; returns its size in bytes."""
+    return _write(trace(model, head, golden_inputs(model, count, seed)), model, weights, file)
+
+
+@torch.no_grad()
+def write_answers(model: EsmNet, head: QualityHead, weights: Path, corpus: Corpus, file: Path, count: int) -> int:
+    """The same for `count` segments of labelled sets, evenly spread, with inputs and answers only."""
+    rows = np.unique(np.linspace(0, len(corpus) - 1, count).astype(np.int64))
+    model.eval()
+    out: dict[str, list[np.ndarray]] = {}
+    for piece in np.array_split(rows, max(1, len(rows) // 64)):
+        inputs = inference_inputs(corpus, piece, model.plan)
+        descriptor = model(inputs.points, inputs.neighbours, inputs.sizes)
+        answers = {"points": inputs.points, "descriptor": descriptor, "quality": head.probability(descriptor)}
+        if model.plan.size_mode != "none":
+            answers["sizes"] = inputs.sizes
+        for name, value in answers.items():
+            out.setdefault(name, []).append(value.numpy())
+    return _write({name: np.concatenate(parts) for name, parts in out.items()}, model, weights, file)
+
+
+def _write(traced: dict[str, np.ndarray], model: EsmNet, weights: Path, file: Path) -> int:
     # safetensors writes the bytes as they lie: a strided view would come out wrong.
-    traced = trace(model, head, golden_inputs(model, count, seed))
     tensors = {name: np.ascontiguousarray(value) for name, value in traced.items()}
     metadata = {
         "format": "esm-golden",

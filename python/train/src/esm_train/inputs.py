@@ -50,7 +50,7 @@ class Inputs:
 
 def make_inputs(samples: list[F32], points: F32, offsets: I64, above_ground: F32, plan: Plan, lists: bool) -> Inputs:
     """From the 256 sampled points of each segment, and all its points for the sizes."""
-    normalised = [normalise(s) for s in samples]
+    normalised = [normalise(s, plan.turned) for s in samples]
     neighbours: list[Tensor] = []
     if lists:
         each = [neighbour_lists(p, plan) for p in normalised]

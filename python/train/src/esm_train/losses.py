@@ -43,9 +43,9 @@ def descriptor_loss(descriptors: Tensor, labels: Tensor, config: LossConfig) -> 
     above = (cost > 0.0) & others
     active = above.sum() / others.sum()
     pair = to_positive.mean()
-    if config.kind == "softmax":
-        against = torch.where(others, -to_others / config.temperature, float("-inf"))
-        own = -to_positive / config.temperature
+    if config.kind != "triplet":
+        against = torch.where(others, likeness(to_others, config), float("-inf"))
+        own = likeness(to_positive, config)
         logits = torch.cat((own[:, None], against), dim=1)
         triplet = (torch.logsumexp(logits, dim=1) - own).mean()
     elif config.mining == "hard":
@@ -55,3 +55,20 @@ def descriptor_loss(descriptors: Tensor, labels: Tensor, config: LossConfig) -> 
         count = above.sum() if config.mining == "active" else others.sum()
         triplet = total / count.clamp(min=1)
     return Loss(triplet + config.pair_weight * pair, triplet.detach(), pair.detach(), active.detach())
+
+
+def likeness(squared: Tensor, config: LossConfig) -> Tensor:
+    """Logits of squared distances: a Gaussian's, or a power law's, whose tails forgive pairs that cannot be told."""
+    if config.kind == "softmax":
+        return -squared / config.temperature
+    return -config.power * torch.log(squared + config.margin)
+
+
+def parted_loss(descriptors: Tensor, learned_dim: int, labels: Tensor, config: LossConfig) -> Loss:
+    """The loss of the whole descriptor, and by `learned_share` that of its first `learned_dim` numbers alone."""
+    whole = descriptor_loss(descriptors, labels, config)
+    share = config.learned_share
+    if share == 0.0 or learned_dim == descriptors.shape[1]:
+        return whole
+    learned = descriptor_loss(descriptors[:, :learned_dim], labels, config)
+    return Loss((1.0 - share) * whole.total + share * learned.total, whole.triplet, whole.pair, whole.active)

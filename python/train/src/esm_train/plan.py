@@ -78,6 +78,8 @@ class Plan:
     size_mode: str
     size_features: tuple[str, ...]
     input_points: int = INPUT_POINTS
+    turned: bool = False
+    """Whether segments are turned about the up axis into a pose of their own first."""
 
     def __post_init__(self) -> None:
         """Refuses plans that no neighbour list can serve."""
@@ -161,12 +163,12 @@ PAPER_LAYERS = xconv_layers((32, 64, 128, 256), ((8, 1), (12, 3), (16, 3), (16, 
 FULL_POINTS = (256, 256, 256, 256)
 SWIFT_POINTS = (256, 96, 64, 48)
 
-VARIANTS: dict[str, tuple[tuple[int, ...], str]] = {
-    "esm-paper": (FULL_POINTS, "none"),
-    "esm": (FULL_POINTS, "beside"),
-    "esm-swift": (SWIFT_POINTS, "beside"),
+VARIANTS: dict[str, tuple[tuple[int, ...], str, bool]] = {
+    "esm-paper": (FULL_POINTS, "none", False),
+    "esm": (FULL_POINTS, "beside", True),
+    "esm-swift": (SWIFT_POINTS, "beside", True),
 }
-"""Points a layer keeps and size mode, by name of the variant."""
+"""Points a layer keeps, size mode, and whether segments are turned, by name of the variant."""
 
 
 def plan_for(
@@ -176,11 +178,12 @@ def plan_for(
     size_mode: str | None = None,
     size_features: tuple[str, ...] | None = None,
     learned_dim: int = 16,
+    turned: bool | None = None,
 ) -> Plan:
     """The plan of a variant, with what differs from its defaults."""
     if variant not in VARIANTS:
         raise ValueError(f"variant {variant!r} is none of {', '.join(VARIANTS)}")
-    default_points, default_mode = VARIANTS[variant]
+    default_points, default_mode, default_turned = VARIANTS[variant]
     mode = default_mode if size_mode is None else size_mode
     features = SIZE_FEATURES if size_features is None else size_features
     return Plan(
@@ -192,6 +195,7 @@ def plan_for(
         learned_dim=learned_dim,
         size_mode=mode,
         size_features=() if mode == "none" else features,
+        turned=default_turned if turned is None else turned,
     )
 
 

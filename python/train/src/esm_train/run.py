@@ -45,7 +45,7 @@ def export(config: Config, checkpoint: Path | None = None, output: Path | None =
     sides = open_sides(q.map or v.map, q.live or v.live, "quality")
     rows = np.random.default_rng([config.run.seed, 4]).permutation(len(sides.live_rows))
     rows = np.sort([int(i) for i in rows if len(sides.counterparts(int(i)))][: q.max_live]).astype(np.int64)
-    sides = Sides(sides.map, sides.live, sides.map_rows, rows, sides.truth)
+    sides = Sides(sides.map, sides.live, sides.map_rows, sides.live_rows[rows], sides.truth)
     live = describe(model, sides.live, sides.live_rows, device)
     mapped = describe(model, sides.map, sides.map_rows, device)
     head, facts = train_quality(live, nearest_is_right(sides, live, mapped), config.run.seed)

@@ -31,8 +31,8 @@ from esm_train.corpus import BatchSampler, Corpus
 from esm_train.curves import plot_curves
 from esm_train.errors import TrainError
 from esm_train.inputs import Inputs, TrainingBatches
-from esm_train.losses import Loss, descriptor_loss
-from esm_train.model import EsmNet, parameter_groups
+from esm_train.losses import Loss, parted_loss
+from esm_train.model import DESCRIPTOR_GAIN, EsmNet, parameter_groups
 from esm_train.plan import BN_MOMENTUM, Plan
 from esm_train.sizes import metric_sizes
 from esm_train.validation import Validation, converged, open_corpus, open_sides
@@ -150,6 +150,8 @@ class Trainer:
             self.model.size_std.copy_(std)
         if self.plan.size_mode in ("beside", "both"):
             nn.init.constant_(self.model.size_log_weight, math.log(self.config.network.size_weight))
+        with torch.no_grad():
+            self.model.fc3_weight.mul_(self.config.network.gain / DESCRIPTOR_GAIN)
         if self.config.network.init_from:
             taken, left = start_from(self.model, Path(self.config.network.init_from))
             self._say(f"{len(taken)} tensors from {self.config.network.init_from}; anew: {', '.join(left) or 'none'}")
@@ -240,7 +242,7 @@ class Trainer:
         inputs = inputs.to(self.device, self.plan)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=config.run.precision == "bf16"):
             descriptors = network(inputs.points, inputs.neighbours, inputs.sizes)
-        loss = descriptor_loss(descriptors, labels, config.loss)
+        loss = parted_loss(descriptors, self.plan.learned_dim, labels, config.loss)
         if not bool(torch.isfinite(loss.total)):
             raise TrainError(f"step {self.step}: the loss is not finite", "lower optim.learning_rate, or set clip_norm")
         self.optimizer.zero_grad(set_to_none=True)

@@ -20,18 +20,41 @@ CONVERGED_GAIN = 0.01
 
 
 def open_corpus(paths: tuple[str, ...], what: str) -> Corpus:
-    """The sets of a configuration key."""
+    """The sets of a configuration key; a directory of sets stands for all of them."""
     if not paths:
         raise TrainError(f"{what}: no directory of segments is named", f"set {what} in the configuration")
-    return Corpus([SegmentSet(Path(p)) for p in paths])
+    return Corpus([SegmentSet(directory) for path in paths for directory in sets_under(Path(path))])
+
+
+def sets_under(path: Path) -> list[Path]:
+    """The set itself, or the sets right under a directory that is none, by name."""
+    if (path / "meta.json").exists() or not path.is_dir():
+        return [path]
+    return sorted(p.parent for p in path.glob("*/meta.json")) or [path]
+
+
+def open_rows(paths: tuple[str, ...], what: str) -> tuple[Corpus, I64]:
+    """Sets and the rows of them that are meant: `DIR@N` is what visit N of the sets of DIR saw, DIR everything."""
+    corpora = [(open_corpus((directory,), what), visit) for directory, visit in map(_of_visit, paths)]
+    corpus = Corpus([s for c, _ in corpora for s in c.sets]) if corpora else open_corpus(paths, what)
+    wanted = np.concatenate([np.full(len(c), -1 if visit is None else visit) for c, visit in corpora])
+    rows = np.flatnonzero((wanted < 0) | (corpus.visit == wanted))
+    if not len(rows):
+        raise TrainError(f"{what}: {', '.join(paths)}: no segments of that visit")
+    return corpus, rows
+
+
+def _of_visit(path: str) -> tuple[str, int | None]:
+    directory, at, number = path.rpartition("@")
+    return (directory, int(number)) if at and number.isdecimal() and not Path(path).exists() else (path, None)
 
 
 def open_sides(
     map_paths: tuple[str, ...], live_paths: tuple[str, ...], what: str, truth: str = "auto", radius_m: float = 0.7
 ) -> Sides:
-    """All segments of a map and of live sets."""
-    mapped, live = open_corpus(map_paths, f"{what}.map"), open_corpus(live_paths, f"{what}.live")
-    return Sides(mapped, live, np.arange(len(mapped)), np.arange(len(live)), truth, radius_m)
+    """All segments of a map and of live sets, each `DIR` or `DIR@VISIT`."""
+    (mapped, map_rows), (live, live_rows) = open_rows(map_paths, f"{what}.map"), open_rows(live_paths, f"{what}.live")
+    return Sides(mapped, live, map_rows, live_rows, truth, radius_m)
 
 
 class Validation:
@@ -39,7 +62,7 @@ class Validation:
 
     def __init__(self, sides: Sides, plan: Plan, *, max_live: int, max_map: int, lists: bool) -> None:
         rng = np.random.default_rng(7)
-        live = rng.permutation(sides.live_rows)
+        live = rng.permutation(len(sides.live_rows))
         counterparts: list[I64] = []
         kept: list[int] = []
         for row in live:
@@ -54,10 +77,10 @@ class Validation:
                 "validation: no live segment has a counterpart in the map", "do the sets name the same places?"
             )
         needed = np.unique(np.concatenate(counterparts))
-        others = np.setdiff1d(rng.permutation(sides.map_rows), needed)
+        others = np.setdiff1d(np.arange(len(sides.map_rows)), needed)
         others = rng.permutation(others)[: max(0, max_map - len(needed))]
-        map_rows = np.sort(np.concatenate((needed, others)))
-        self.sides = Sides(sides.map, sides.live, map_rows, np.array(kept), sides.truth)
+        map_rows = sides.map_rows[np.sort(np.concatenate((needed, others)))]
+        self.sides = Sides(sides.map, sides.live, map_rows, sides.live_rows[kept], sides.truth)
         self.live_inputs: Inputs = inference_inputs(sides.live, self.sides.live_rows, plan, lists)
         self.map_inputs: Inputs = inference_inputs(sides.map, map_rows, plan, lists)
 

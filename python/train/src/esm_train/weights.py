@@ -23,7 +23,8 @@ F32 = npt.NDArray[np.float32]
 FORMAT = "esm-weights"
 VERSION = "1"
 ARCHITECTURE = "xconv-4"
-NORMALISATION = "mean,rms,floor=0.001"
+NORMALISATIONS = {False: "mean,rms,floor=0.001", True: "mean,turn,rms,floor=0.001"}
+"""How points become inputs, by whether they are turned."""
 
 
 @dataclass
@@ -122,7 +123,7 @@ def _metadata(plan: Plan) -> dict[str, str]:
         "size_mode": plan.size_mode,
         "size_features": listed(plan.size_features),
         "descriptor_dim": str(plan.descriptor_dim),
-        "normalisation": NORMALISATION,
+        "normalisation": NORMALISATIONS[plan.turned],
         "parameters": str(plan.parameters()),
         "multiply_adds": str(plan.multiply_adds()),
         "created_by": f"esm_train {__version__}",
@@ -180,6 +181,7 @@ def plan_of(weights: Weights, file: Path) -> Plan:
             size_mode=metadata["size_mode"],
             size_features=tuple(features.split(",")) if features else (),
             input_points=int(metadata["input_points"]),
+            turned={text: turned for turned, text in NORMALISATIONS.items()}[metadata["normalisation"]],
         )
     except (KeyError, ValueError, IndexError) as error:
         raise TrainError(f"{file}: header: {error}") from None

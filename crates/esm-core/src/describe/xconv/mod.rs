@@ -129,7 +129,8 @@ impl Descriptor for XConv {
         let features = self.network.header.size_features;
         self.rows(segments.len(), |n, workspace, row| {
             let start = Instant::now();
-            sample::sample(&segments[n], &mut workspace.order, &mut workspace.points);
+            let turned = self.network.header.turned;
+            sample::sample(&segments[n], turned, &mut workspace.order, &mut workspace.points);
             // The seventh, height above the ground, is not known here.
             let mut sizes = [f64::NAN; 7];
             if features > 0 {

@@ -245,7 +245,7 @@ fn blob(seed: u64) -> Vec<[f32; 3]> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut unit = move || random.next_u32() as f32 / 4_294_967_296.0 - 0.5;
     let mut points: Vec<[f32; 3]> = (0..256).map(|_| [4.0 * unit(), 2.0 * unit(), unit()]).collect();
-    sample::normalise(&mut points);
+    sample::normalise(&mut points, false);
     points
 }
 

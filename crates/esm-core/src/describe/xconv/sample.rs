@@ -10,8 +10,8 @@ use crate::segment::Segment;
 const LEAST_SIGMA: f64 = 1e-3;
 
 /// The 256 sampled points, normalised. The same points in the same order give the same sample, wherever the segment stands
-/// in its batch and whatever the seed of anything else. `order` is working memory.
-pub(super) fn sample(segment: &Segment, order: &mut Vec<u32>, out: &mut Vec<[f32; 3]>) {
+/// in its batch and whatever the seed of anything else. `turned` as in [`normalise`]; `order` is working memory.
+pub(super) fn sample(segment: &Segment, turned: bool, order: &mut Vec<u32>, out: &mut Vec<[f32; 3]>) {
     let points = &segment.points;
     out.clear();
     if points.is_empty() {
@@ -20,7 +20,7 @@ pub(super) fn sample(segment: &Segment, order: &mut Vec<u32>, out: &mut Vec<[f32
     }
     draw(points.len(), hash(points), order);
     out.extend(order[..INPUT_POINTS].iter().map(|n| points[*n as usize]));
-    normalise(out);
+    normalise(out, turned);
 }
 
 /// Draws 256 of `n` > 0 points without replacement (Fisher and Yates); of fewer, each once in random order, and then some
@@ -38,8 +38,10 @@ fn draw(n: usize, seed: u64, order: &mut Vec<u32>) {
     }
 }
 
-/// Takes the mean off and divides by the standard deviation over all coordinates, so that proportions stay.
-pub(super) fn normalise(points: &mut [[f32; 3]]) {
+/// Takes the mean off and divides by the standard deviation over all coordinates, so that proportions stay. Where `turned`,
+/// turns the points about the up axis: x becomes the horizontal direction of largest variance, seen so that its third
+/// moment is not negative, and the same thing enters the same way from wherever it is met.
+pub(super) fn normalise(points: &mut [[f32; 3]], turned: bool) {
     let n = points.len().max(1) as f64;
     let mut mean = [0f64; 3];
     for p in points.iter() {
@@ -48,9 +50,20 @@ pub(super) fn normalise(points: &mut [[f32; 3]]) {
     let mean = mean.map(|m| m / n);
     let squares = |p: &[f32; 3]| (0..3).map(|a| (f64::from(p[a]) - mean[a]).powi(2)).sum::<f64>();
     let sigma = (points.iter().map(squares).sum::<f64>() / (3.0 * n)).sqrt().max(LEAST_SIGMA);
+    let [c, s] = if turned { direction(points, mean) } else { [1.0, 0.0] };
     for p in points.iter_mut() {
-        *p = std::array::from_fn(|a| ((f64::from(p[a]) - mean[a]) / sigma) as f32);
+        let [x, y, z] = std::array::from_fn(|a| f64::from(p[a]) - mean[a]);
+        *p = [c * x + s * y, c * y - s * x, z].map(|v| (v / sigma) as f32);
     }
+}
+
+/// Cosine and sine of the angle from the x axis to the horizontal direction that x becomes.
+fn direction(points: &[[f32; 3]], mean: [f64; 3]) -> [f64; 2] {
+    let centred = || points.iter().map(|p| [0, 1].map(|a| f64::from(p[a]) - mean[a]));
+    let [xx, xy, yy] = centred().fold([0.0; 3], |[xx, xy, yy], [x, y]| [xx + x * x, xy + x * y, yy + y * y]);
+    let (s, c) = (0.5 * f64::atan2(2.0 * xy, xx - yy)).sin_cos();
+    let third: f64 = centred().map(|[x, y]| (c * x + s * y).powi(3)).sum();
+    if third < 0.0 { [-c, -s] } else { [c, s] }
 }
 
 /// The generator's seed: FNV-1a over the little-endian bits of the points relative to the first one, rounded to 1/64 m, so that
@@ -95,7 +108,7 @@ mod tests {
     fn large_segments_give_256_different_points_and_small_ones_each_once() {
         for (n, different) in [(5000, 256), (256, 256), (100, 100), (40, 40), (1, 1)] {
             let (mut order, mut out) = (Vec::new(), Vec::new());
-            sample(&cloud(n), &mut order, &mut out);
+            sample(&cloud(n), false, &mut order, &mut out);
             let first = bits(&out);
             assert_eq!(out.len(), INPUT_POINTS);
             assert_eq!(first.iter().collect::<BTreeSet<_>>().len(), different);
@@ -104,7 +117,7 @@ mod tests {
                 different,
                 "each once first"
             );
-            sample(&cloud(n), &mut order, &mut out);
+            sample(&cloud(n), false, &mut order, &mut out);
             assert_eq!(first, bits(&out));
         }
     }
@@ -126,22 +139,43 @@ mod tests {
     #[test]
     fn mean_is_zero_and_variance_one() {
         let (mut order, mut out) = (Vec::new(), Vec::new());
-        sample(&cloud(3000), &mut order, &mut out);
-        let n = out.len() as f64;
-        let sum = |f: &dyn Fn(&[f32; 3]) -> f64| out.iter().map(f).sum::<f64>();
-        for a in 0..3 {
-            assert!((sum(&|p| f64::from(p[a])) / n).abs() < 1e-6);
+        for turned in [false, true] {
+            sample(&cloud(3000), turned, &mut order, &mut out);
+            let n = out.len() as f64;
+            let sum = |f: &dyn Fn(&[f32; 3]) -> f64| out.iter().map(f).sum::<f64>();
+            for a in 0..3 {
+                assert!((sum(&|p| f64::from(p[a])) / n).abs() < 1e-6);
+            }
+            let variance = sum(&|p| p.iter().map(|v| f64::from(*v).powi(2)).sum()) / (3.0 * n);
+            assert!((variance - 1.0).abs() < 1e-6);
         }
-        let variance = sum(&|p| p.iter().map(|v| f64::from(*v).powi(2)).sum()) / (3.0 * n);
-        assert!((variance - 1.0).abs() < 1e-6);
+    }
+
+    /// Whatever its heading, a thing that is turned into its own pose looks the same, also one that is met from the other side.
+    #[test]
+    fn headings_do_not_matter_to_what_is_turned() {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut unit = || below(&mut random, 1 << 20) as f32 / (1 << 20) as f32;
+        // Longer than wide, and fuller at one end.
+        let thing: Vec<[f32; 3]> = (0..256).map(|_| [4.0 * unit() * unit(), unit(), 2.0 * unit()]).collect();
+        let mut first = thing.clone();
+        normalise(&mut first, true);
+        for degrees in [0.0f32, 30.0, 77.0, 90.0, 135.0, 180.0, 260.0, 359.0] {
+            let (s, c) = degrees.to_radians().sin_cos();
+            let mut other: Vec<[f32; 3]> =
+                thing.iter().map(|p| [c * p[0] - s * p[1], s * p[0] + c * p[1], p[2]]).collect();
+            normalise(&mut other, true);
+            let off = first.iter().flatten().zip(other.iter().flatten()).map(|(a, b)| (a - b).abs());
+            assert!(off.fold(0.0, f32::max) < 1e-4, "{degrees} degrees");
+        }
     }
 
     #[test]
     fn a_place_far_from_the_origin_gives_the_same_sample() {
         let (mut order, mut here, mut there) = (Vec::new(), Vec::new(), Vec::new());
         let moved = cloud(700).points.iter().map(|p| [p[0] + 512.0, p[1] - 256.0, p[2]]).collect();
-        sample(&cloud(700), &mut order, &mut here);
-        sample(&Segment::from_points(moved).unwrap(), &mut order, &mut there);
+        sample(&cloud(700), true, &mut order, &mut here);
+        sample(&Segment::from_points(moved).unwrap(), true, &mut order, &mut there);
         for (a, b) in here.iter().zip(&there) {
             assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3), "{a:?} {b:?}");
         }

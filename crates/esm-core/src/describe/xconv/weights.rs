@@ -32,6 +32,8 @@ pub(super) struct SizeMode {
 pub(super) struct Header {
     pub(super) variant: &'static str,
     pub(super) plan: PointPlan,
+    /// Whether segments are turned about the up axis into a pose of their own.
+    pub(super) turned: bool,
     pub(super) sizes: SizeMode,
     /// Number of size features, 0, 6 or 7.
     pub(super) size_features: usize,
@@ -146,7 +148,11 @@ impl Header {
         expect("channels", &list(|l| l.channels.to_string()))?;
         expect("lift", &list(|l| l.lift.to_string()))?;
         expect("multipliers", &list(|l| l.multiplier.to_string()))?;
-        expect("normalisation", "mean,rms,floor=0.001")?;
+        let turned = match get("normalisation")? {
+            "mean,rms,floor=0.001" => false,
+            "mean,turn,rms,floor=0.001" => true,
+            other => return Err(format!("normalisation is `{other}`, which this version does not know")),
+        };
         let variant = get("variant")?;
         let variant = VARIANTS
             .into_iter()
@@ -197,6 +203,7 @@ impl Header {
         Ok(Self {
             variant,
             plan,
+            turned,
             sizes,
             size_features: names.len(),
             learned,
