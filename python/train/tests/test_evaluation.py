@@ -11,6 +11,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from esm_train.balance import balance
 from esm_train.errors import TrainError
 from esm_train.evaluate import Evaluation, baseline_descriptors, evaluate, standardised, table
 from esm_train.metrics import nearest_in_map, reliability, roc
@@ -156,3 +157,16 @@ def test_baselines_are_standardised_by_the_map(sets: dict[str, str]) -> None:
     assert mapped.shape == (50, 13)
     np.testing.assert_allclose(z.mean(axis=0), 0.0, atol=1e-4)
     np.testing.assert_allclose(z.std(axis=0), 1.0, atol=1e-3)
+
+
+def test_balance_finds_how_much_noise_should_weigh(sets: dict[str, str]) -> None:
+    sides = open_sides((sets["map"],), (sets["live"],), "test")
+    rng = np.random.default_rng(3)
+    truth = rng.normal(size=(50, 6)).astype(np.float32)
+    noise = rng.normal(size=(2, 50, 4)).astype(np.float32)
+    live, mapped = (np.concatenate((noise[i], truth), axis=1) for i in (0, 1))
+    factor, tried = balance(sides, live, mapped, 4)
+    assert factor < 0.3, "noise is turned down"
+    assert tried[f"{factor:.3f}"]["recall@1"] > tried["2.000"]["recall@1"]
+    factor, _ = balance(sides, live[:, ::-1].copy(), mapped[:, ::-1].copy(), 6)
+    assert factor == 2.0, "what tells is turned up"

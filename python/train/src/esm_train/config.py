@@ -158,6 +158,8 @@ class ExportConfig:
 
     weights: str = ""
     """A .safetensors file; empty writes `weights.safetensors` into the run's directory."""
+    balance: bool = True
+    """Choose on the sets of [quality] how much the learned numbers weigh against the sizes beside them."""
     training_data: str = ""
     """One line for the model card: which worlds, how many segments."""
 

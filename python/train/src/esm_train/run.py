@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from esm_train import balance
 from esm_train.checkpoint import load_checkpoint, model_of
 from esm_train.config import Config
 from esm_train.evaluate import evaluate, table
@@ -48,6 +49,12 @@ def export(config: Config, checkpoint: Path | None = None, output: Path | None =
     sides = Sides(sides.map, sides.live, sides.map_rows, sides.live_rows[rows], sides.truth)
     live = describe(model, sides.live, sides.live_rows, device)
     mapped = describe(model, sides.map, sides.map_rows, device)
+    factor, tried = 1.0, dict[str, dict[str, float]]()
+    if config.export.balance and model.plan.size_mode in ("beside", "both"):
+        factor, tried = balance.balance(sides, live, mapped, model.plan.learned_dim)
+        balance.apply(model, factor)
+        live[:, : model.plan.learned_dim] *= np.float32(factor)
+        mapped[:, : model.plan.learned_dim] *= np.float32(factor)
     head, facts = train_quality(live, nearest_is_right(sides, live, mapped), config.run.seed)
     o, b, loss = config.optim, config.batch, config.loss
     weights = to_weights(
@@ -63,7 +70,13 @@ def export(config: Config, checkpoint: Path | None = None, output: Path | None =
     )
     target = output or Path(config.export.weights or Path(config.run.out) / "weights.safetensors")
     write_weights(weights, target)
-    return {"weights": str(target), "quality": facts, **{k: v for k, v in weights.metadata.items() if "fpr" in k}}
+    balanced = {"factor": factor, "tried": tried}
+    return {
+        "weights": str(target),
+        "balance": balanced,
+        "quality": facts,
+        **{k: v for k, v in weights.metadata.items() if "fpr" in k},
+    }
 
 
 def run(config: Config, resume: bool) -> bool:
