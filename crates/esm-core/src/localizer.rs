@@ -19,7 +19,7 @@ use crate::verify::{LivePoints, Surroundings, Verified, verify};
 /// Finds live clouds in a prior map. Every cloud stands for itself: nothing is kept from one to the next.
 pub struct Localizer {
     map: Arc<Map>,
-    descriptor: Box<dyn Descriptor>,
+    descriptor: Arc<dyn Descriptor>,
     index: Index,
     surroundings: Surroundings,
     config: Config,
@@ -45,8 +45,19 @@ impl Localizer {
     /// # Errors
     /// [`Error::Config`], [`Error::DescriptorMismatch`].
     pub fn new(map: Arc<Map>, config: &Config) -> Result<Self, Error> {
+        Self::with_descriptor(map, config, describe::by_name(&config.descriptor)?.into())
+    }
+
+    /// The same with a descriptor of your own in the place of the configured one: the one the map was built with.
+    ///
+    /// # Errors
+    /// [`Error::Config`], [`Error::DescriptorMismatch`].
+    pub fn with_descriptor(
+        map: Arc<Map>,
+        config: &Config,
+        descriptor: Arc<dyn Descriptor>,
+    ) -> Result<Self, Error> {
         config.check()?;
-        let descriptor = describe::by_name(&config.descriptor)?;
         map.check_descriptor(&*descriptor)?;
         let index = Index::new(map.descriptors(), descriptor.dim(), config.matching.search);
         let surroundings = Surroundings::new(Arc::clone(&map), config.accumulate.max_range_m);

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::accumulate::LiveCloud;
 use crate::cloud::Pose;
 use crate::config::Config;
+use crate::describe::{self, Descriptor};
 use crate::error::Error;
 use crate::localization::{Localization, Verdict};
 use crate::localizer::Localizer;
@@ -42,6 +43,7 @@ pub struct LoopAnswer {
 /// accumulates clouds and ages the past, and never decides where to look.
 pub struct LoopFinder {
     config: Config,
+    descriptor: Arc<dyn Descriptor>,
     builder: MapBuilder,
     localizer: Option<Localizer>,
     waiting: VecDeque<Moment>,
@@ -63,9 +65,18 @@ impl LoopFinder {
     /// # Errors
     /// [`Error::Config`].
     pub fn new(config: &Config) -> Result<Self, Error> {
+        Self::with_descriptor(config, describe::by_name(&config.descriptor)?.into())
+    }
+
+    /// The same with a descriptor of your own in the place of the configured one.
+    ///
+    /// # Errors
+    /// [`Error::Config`].
+    pub fn with_descriptor(config: &Config, descriptor: Arc<dyn Descriptor>) -> Result<Self, Error> {
         Ok(Self {
-            builder: MapBuilder::new(config)?,
+            builder: MapBuilder::with_descriptor(config, Arc::clone(&descriptor))?,
             config: config.clone(),
+            descriptor,
             localizer: None,
             waiting: VecDeque::new(),
             past: Vec::new(),
@@ -106,7 +117,8 @@ impl LoopFinder {
             }
         }
         if changed && !self.builder.is_empty() {
-            self.localizer = Some(Localizer::new(Arc::new(self.builder.finish()?), &self.config)?);
+            let (map, descriptor) = (Arc::new(self.builder.finish()?), Arc::clone(&self.descriptor));
+            self.localizer = Some(Localizer::with_descriptor(map, &self.config, descriptor)?);
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! [`MapBuilder`]: a map from a posed recording (overlapping windows, duplicates merged) or from one prior cloud.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
@@ -124,7 +125,7 @@ struct Entry {
 /// Builds a map window by window.
 pub struct MapBuilder {
     config: Config,
-    descriptor: Box<dyn Descriptor>,
+    descriptor: Arc<dyn Descriptor>,
     origin: Option<[f64; 3]>,
     entries: Vec<Entry>,
     by_voxel: FxHashMap<Voxel, Vec<u32>>,
@@ -142,10 +143,19 @@ impl MapBuilder {
     /// # Errors
     /// [`Error::Config`].
     pub fn new(config: &Config) -> Result<Self, Error> {
+        Self::with_descriptor(config, describe::by_name(&config.descriptor)?.into())
+    }
+
+    /// The same with a descriptor of your own, such as [`XConv`](crate::describe::XConv) with weights you trained, in the
+    /// place of the configured one.
+    ///
+    /// # Errors
+    /// [`Error::Config`].
+    pub fn with_descriptor(config: &Config, descriptor: Arc<dyn Descriptor>) -> Result<Self, Error> {
         config.check()?;
         Ok(Self {
-            descriptor: describe::by_name(&config.descriptor)?,
-            config: config.clone(),
+            config: Config { descriptor: descriptor.name().to_owned(), ..config.clone() },
+            descriptor,
             origin: None,
             entries: Vec::new(),
             by_voxel: FxHashMap::default(),
