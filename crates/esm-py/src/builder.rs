@@ -1,0 +1,101 @@
+//! [`MapBuilder`]: a map window by window, or from one prior cloud.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use esm_core::map as core;
+use pyo3::prelude::*;
+
+use crate::accumulate::LiveCloud;
+use crate::config::{Config, or_default};
+use crate::describe::{Descriptor, given};
+use crate::failure::Failure;
+use crate::input::{bad_value, cloud, position};
+use crate::map::Map;
+use crate::pose;
+use crate::threads::Threads;
+use crate::work::run;
+
+/// Builds a map.
+#[pyclass(frozen, module = "esm_py")]
+pub(crate) struct MapBuilder {
+    inner: Arc<Mutex<core::MapBuilder>>,
+    threads: Threads,
+}
+
+impl MapBuilder {
+    fn with<T: Send + 'static>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut core::MapBuilder) -> Result<T, esm_core::Error> + Send + 'static,
+    ) -> PyResult<T> {
+        let inner = Arc::clone(&self.inner);
+        run(py, self.threads, move || work(&mut inner.lock().unwrap_or_else(PoisonError::into_inner)))
+    }
+}
+
+#[pymethods]
+impl MapBuilder {
+    #[new]
+    #[pyo3(signature = (config=None, *, descriptor=None, threads=None))]
+    fn new(
+        config: Option<&Bound<'_, Config>>,
+        descriptor: Option<&Bound<'_, Descriptor>>,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        let config = or_default(config);
+        let inner = match given(descriptor) {
+            Some(descriptor) => core::MapBuilder::with_descriptor(&config, descriptor),
+            None => core::MapBuilder::new(&config),
+        };
+        let inner = inner.map_err(Failure::from)?;
+        Ok(Self { inner: Arc::new(Mutex::new(inner)), threads: Threads::new(threads)? })
+    }
+
+    fn set_source(&self, py: Python<'_>, source: String) -> PyResult<()> {
+        self.with(py, move |builder| {
+            builder.set_source(&source);
+            Ok(())
+        })
+    }
+
+    #[pyo3(signature = (live, pose_map_sensor=None))]
+    fn push(
+        &self,
+        py: Python<'_>,
+        live: &Bound<'_, LiveCloud>,
+        pose_map_sensor: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<bool> {
+        let live = Arc::clone(&live.get().inner);
+        let pose = pose::read_option(pose_map_sensor, "pose_map_sensor")?.or(live.pose_odom_sensor);
+        let pose = pose.ok_or_else(|| {
+            bad_value("pose_map_sensor", "is missing: this cloud has no pose_odom_sensor to stand for it")
+        })?;
+        self.with(py, move |builder| builder.push(&live, &pose))
+    }
+
+    fn push_prior_cloud(
+        &self,
+        py: Python<'_>,
+        origin: &Bound<'_, PyAny>,
+        points: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let (origin, cloud) = (position(origin, "origin")?, cloud(points, "points")?);
+        self.with(py, move |builder| builder.push_prior_cloud(origin, &cloud))
+    }
+
+    fn finish(&self, py: Python<'_>) -> PyResult<Map> {
+        self.with(py, |builder| builder.finish()).map(|map| Map::new(Arc::new(map)))
+    }
+
+    fn __len__(&self, py: Python<'_>) -> PyResult<usize> {
+        self.with(py, |builder| Ok(builder.len()))
+    }
+
+    fn __bool__(&self) -> bool {
+        true
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        Ok(format!("MapBuilder(segments={})", self.__len__(py)?))
+    }
+}
