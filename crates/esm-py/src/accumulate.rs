@@ -14,7 +14,7 @@ use crate::recording::Sweep;
 use crate::threads::Threads;
 use crate::work::run;
 
-/// A cloud ready to be localized.
+/// A cloud ready to be localized: an accumulator gives them, or you make one of points you have put together.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct LiveCloud {
     pub(crate) inner: Arc<esm_core::LiveCloud>,
@@ -48,32 +48,38 @@ impl LiveCloud {
         Ok(Self::from_core(esm_core::LiveCloud { stamp, cloud, pose_odom_sensor, travel_m, sweeps, elapsed }))
     }
 
+    /// Seconds, of the newest sweep.
     #[getter]
     fn stamp(&self) -> f64 {
         self.inner.stamp
     }
 
+    /// Points, shape (N, 3), metres, newest sensor frame.
     #[getter]
     fn points(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.kept[0].get(py, || rows3(py, self.inner.cloud.points().to_vec()))
     }
 
+    /// Pose of the newest sensor in the odometry frame, shape (4, 4), where the motion is known.
     #[getter]
     fn pose_odom_sensor(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         let pose = self.inner.pose_odom_sensor.as_ref();
         pose.map(|p| self.kept[1].get(py, || pose::write(py, p))).transpose()
     }
 
+    /// Metres of travel the cloud really holds.
     #[getter]
     fn travel_m(&self) -> f64 {
         self.inner.travel_m
     }
 
+    /// Sweeps in the cloud.
     #[getter]
     fn sweeps(&self) -> usize {
         self.inner.sweeps
     }
 
+    /// Seconds it took to put together.
     #[getter]
     fn elapsed_s(&self) -> f64 {
         self.inner.elapsed.as_secs_f64()
@@ -99,7 +105,7 @@ pub(crate) fn check_stamp(stamp: f64) -> PyResult<()> {
     if stamp.is_finite() { Ok(()) } else { Err(bad_value("stamp", format!("must be finite, got {stamp}"))) }
 }
 
-/// Feeds on sweeps, gives live clouds.
+/// Feeds on sweeps, one after the other, and gives live clouds. Memory is bounded by the distance they hold.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Accumulator {
     inner: Arc<Mutex<esm_core::Accumulator>>,
@@ -116,6 +122,10 @@ impl Accumulator {
         Ok(Self { inner: Arc::new(Mutex::new(inner)), config })
     }
 
+    /// Take the next sweep and give the live cloud that ends with it; with swathes only once every `distance_m`.
+    ///
+    /// `stamp`: seconds. `points`: shape (N, 3), metres, sensor frame, finite. `pose_odom_sensor`: shape (4, 4); a sweep
+    /// without one is a cloud of its own and is not kept.
     #[pyo3(signature = (stamp, points, pose_odom_sensor=None))]
     fn push(
         &self,
@@ -130,6 +140,7 @@ impl Accumulator {
         self.with(py, move |inner| inner.push(stamp, &sweep, pose))
     }
 
+    /// Take the next sweep of a recording, its pose to the last bit.
     fn push_sweep(&self, py: Python<'_>, sweep: &Bound<'_, Sweep>) -> PyResult<Option<LiveCloud>> {
         let sweep = Arc::clone(&sweep.get().inner);
         self.with(py, move |inner| inner.push(sweep.stamp, &sweep.cloud, sweep.pose_odom_sensor))

@@ -15,7 +15,9 @@ use crate::pose;
 use crate::threads::Threads;
 use crate::work::run;
 
-/// Builds a map.
+/// Builds a map window by window, or from one prior cloud. Its length is the number of segments so far.
+///
+/// `descriptor` takes the place of the configured one, such as an `XConv` with weights of your own.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct MapBuilder {
     inner: Arc<Mutex<core::MapBuilder>>,
@@ -51,6 +53,7 @@ impl MapBuilder {
         Ok(Self { inner: Arc::new(Mutex::new(inner)), threads: Threads::new(threads)? })
     }
 
+    /// Name what the map is built from: a file name without its folder.
     fn set_source(&self, py: Python<'_>, source: String) -> PyResult<()> {
         self.with(py, move |builder| {
             builder.set_source(&source);
@@ -58,6 +61,10 @@ impl MapBuilder {
         })
     }
 
+    /// Take the next cloud of the recording and where it was taken, and tell whether it was cut into segments.
+    ///
+    /// Only every `map.window_step_m` one is; all count for the path. `pose_map_sensor`: shape (4, 4); without it the
+    /// odometry frame is the map frame, and the cloud's own `pose_odom_sensor` is taken.
     #[pyo3(signature = (live, pose_map_sensor=None))]
     fn push(
         &self,
@@ -73,6 +80,7 @@ impl MapBuilder {
         self.with(py, move |builder| builder.push(&live, &pose))
     }
 
+    /// Take one prior cloud: `points`, shape (N, 3), metres, relative to `origin`, shape (3,), metres, map frame.
     fn push_prior_cloud(
         &self,
         py: Python<'_>,
@@ -83,6 +91,7 @@ impl MapBuilder {
         self.with(py, move |builder| builder.push_prior_cloud(origin, &cloud))
     }
 
+    /// Give the map as it stands.
     fn finish(&self, py: Python<'_>) -> PyResult<Map> {
         self.with(py, |builder| builder.finish()).map(|map| Map::new(Arc::new(map)))
     }

@@ -18,7 +18,10 @@ const MAX_BYTES: u64 = 1 << 20;
 const MAX_DEPTH: usize = 8;
 const HINT: &str = "`esm-cli config` prints every key there is";
 
-/// The whole configuration.
+/// Everything that can be set, a table for each step, with the keys of `esm-cli config`.
+///
+/// `Config({"accumulate": {"distance_m": 6.0}})` changes what is given and leaves the rest at its default. Unknown keys and
+/// values outside their range raise `ConfigError`.
 #[pyclass(frozen, eq, module = "esm_py")]
 #[derive(PartialEq)]
 pub(crate) struct Config {
@@ -39,11 +42,13 @@ impl Config {
         Self::from_table(table)
     }
 
+    /// Make one from TOML text.
     #[staticmethod]
     fn from_toml(text: &str) -> PyResult<Self> {
         Self::parse(text, "the configuration")
     }
 
+    /// Read a TOML file, as `--config FILE` does.
     #[staticmethod]
     fn read(path: PathBuf) -> PyResult<Self> {
         let io =
@@ -65,26 +70,30 @@ impl Config {
         }
     }
 
-    /// The configuration with other values for the keys that are given.
+    /// Make another one that differs in what is given, key by key.
     fn replace(&self, settings: &Bound<'_, PyMapping>) -> PyResult<Self> {
         let mut all: Table = toml::from_str(&self.to_toml()?).map_err(refused)?;
         merge(&mut all, table(settings, 0)?);
         Self::from_table(all)
     }
 
+    /// Write all of it as TOML.
     fn to_toml(&self) -> PyResult<String> {
         toml::to_string(&*self.inner).map_err(|e| PyValueError::new_err(e.to_string()))
     }
 
+    /// Give all of it as dictionaries.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         py.import("tomllib")?.call_method1("loads", (self.to_toml()?,))
     }
 
+    /// Name of the descriptor, one of `DESCRIPTORS`.
     #[getter]
     fn descriptor(&self) -> &str {
         &self.inner.descriptor
     }
 
+    /// Seed of everything random.
     #[getter]
     fn seed(&self) -> u64 {
         self.inner.seed

@@ -18,7 +18,7 @@ use crate::work::run;
 /// Points of a segment that the network sees.
 const INPUT_POINTS: usize = 256;
 
-/// Turns segments into rows of numbers.
+/// Turns segments into rows of numbers, a batch at a time: one of `DESCRIPTORS` by name.
 #[pyclass(frozen, subclass, module = "esm_py")]
 pub(crate) struct Descriptor {
     pub(crate) inner: Arc<dyn describe::Descriptor>,
@@ -36,26 +36,31 @@ impl Descriptor {
         Ok(Self { inner: describe::by_name(name).map_err(Failure::from)?.into() })
     }
 
+    /// Its name, as in `--descriptor NAME`.
     #[getter]
     fn name(&self) -> &str {
         self.inner.name()
     }
 
+    /// Differs where the numbers do, so that maps of another version are refused.
     #[getter]
     fn version(&self) -> u32 {
         self.inner.version()
     }
 
+    /// Numbers a segment.
     #[getter]
     fn dim(&self) -> usize {
         self.inner.dim()
     }
 
+    /// Whether a map brings each dimension to zero mean and unit variance over its segments.
     #[getter]
     fn standardized(&self) -> bool {
         self.inner.standardized()
     }
 
+    /// Describe a batch. A row depends on its own segment's points only.
     #[pyo3(signature = (segments, *, threads=None))]
     fn describe(
         &self,
@@ -81,7 +86,7 @@ pub(crate) fn names(py: Python<'_>) -> PyResult<Bound<'_, PyTuple>> {
     PyTuple::new(py, NAMES)
 }
 
-/// The learned descriptor with the weights of a file.
+/// The learned descriptor with the weights of a file (`python/train/WEIGHTS.md`), such as weights you have trained.
 #[pyclass(frozen, extends = Descriptor, module = "esm_py")]
 pub(crate) struct XConv {
     inner: Arc<describe::XConv>,
@@ -103,12 +108,14 @@ impl XConv {
 
 #[pymethods]
 impl XConv {
+    /// Open a weights file (`.safetensors`).
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Py<Self>> {
         let xconv = run(py, Threads::default(), move || describe::XConv::open(path))?;
         Self::make(py, xconv)
     }
 
+    /// Take the bytes of a weights file; `name` stands for the file in messages.
     #[staticmethod]
     #[pyo3(signature = (data, name="(memory)"))]
     fn from_bytes(py: Python<'_>, data: &[u8], name: &str) -> PyResult<Py<Self>> {
@@ -117,15 +124,20 @@ impl XConv {
         Self::make(py, xconv)
     }
 
+    /// Give a line of the weights' header, such as `training_data`.
     fn metadata(&self, key: &str) -> Option<&str> {
         self.inner.metadata(key)
     }
 
+    /// Multiply-adds for one segment.
     #[getter]
     fn multiply_adds(&self) -> usize {
         self.inner.multiply_adds()
     }
 
+    /// Describe inputs that are sampled and normalised already, to compare with other programs.
+    ///
+    /// `points`: shape (N, 256, 3). `sizes`: shape (N, F), the sizes that the header names, NaN where unknown.
     #[pyo3(signature = (points, sizes=None, *, threads=None))]
     fn describe_normalised(
         &self,
@@ -181,11 +193,13 @@ impl Descriptions {
 
 #[pymethods]
 impl Descriptions {
+    /// Numbers a segment.
     #[getter]
     fn dim(&self) -> usize {
         self.inner.dim
     }
 
+    /// Descriptors, shape (N, dim), in the order of the segments.
     #[getter]
     fn values(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.kept[0].get(py, || match self.inner.values.is_empty() {
@@ -194,11 +208,13 @@ impl Descriptions {
         })
     }
 
+    /// The probability, 0 to 1, that a descriptor is good for matching, shape (N,).
     #[getter]
     fn quality(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.kept[1].get(py, || Ok(row(py, self.inner.quality.clone())))
     }
 
+    /// Seconds spent on preparing the input, where the descriptor has such a step.
     #[getter]
     fn preprocessing_s(&self) -> f64 {
         self.inner.preprocessing.as_secs_f64()

@@ -16,7 +16,7 @@ use crate::pose;
 use crate::threads::Threads;
 use crate::work::run;
 
-/// One scan of a file.
+/// One scan of a file, in its sensor's frame.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Scan {
     inner: esm_io::Scan,
@@ -25,11 +25,13 @@ pub(crate) struct Scan {
 
 #[pymethods]
 impl Scan {
+    /// Points, shape (N, 3), metres, sensor frame.
     #[getter]
     fn points(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.points.get(py, || rows3(py, self.inner.cloud.points().to_vec()))
     }
 
+    /// Points left out: NaN, infinite, or exactly (0, 0, 0), which is how sensors write "no return".
     #[getter]
     fn dropped(&self) -> usize {
         self.inner.dropped
@@ -44,7 +46,7 @@ impl Scan {
     }
 }
 
-/// A survey somebody else made.
+/// A survey somebody else made: one cloud in its own frame. A point's coordinates in the file are `origin + point`.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct PriorCloud {
     inner: esm_io::PriorCloud,
@@ -53,16 +55,19 @@ pub(crate) struct PriorCloud {
 
 #[pymethods]
 impl PriorCloud {
+    /// What to add to every point, shape (3,), metres, a multiple of 1000 on each axis.
     #[getter]
     fn origin(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_row(py, &self.inner.origin)
     }
 
+    /// Points relative to the origin, shape (N, 3), metres.
     #[getter]
     fn points(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.points.get(py, || rows3(py, self.inner.cloud.points().to_vec()))
     }
 
+    /// Points left out: NaN, infinite, or exactly (0, 0, 0).
     #[getter]
     fn dropped(&self) -> usize {
         self.inner.dropped
@@ -82,18 +87,21 @@ impl PriorCloud {
     }
 }
 
+/// Read one scan: `.las`, `.laz`, `.pcd`, `.ply` or KITTI's `.bin`, told apart by extension. It may hold no point.
 #[pyfunction]
 pub(crate) fn read_scan(py: Python<'_>, path: PathBuf) -> PyResult<Scan> {
     let inner = run(py, Threads::default(), move || esm_io::read_scan(path))?;
     Ok(Scan { inner, points: Kept::default() })
 }
 
+/// Read one prior cloud, of the formats of `read_scan`, projected coordinates included.
 #[pyfunction]
 pub(crate) fn read_prior_cloud(py: Python<'_>, path: PathBuf) -> PyResult<PriorCloud> {
     let inner = run(py, Threads::default(), move || esm_io::read_prior_cloud(path))?;
     Ok(PriorCloud { inner, points: Kept::default() })
 }
 
+/// Tell what an input is, by its name and first bytes.
 #[pyfunction]
 pub(crate) fn classify(path: PathBuf) -> PyResult<&'static str> {
     Ok(match esm_io::classify(path).map_err(Failure::from)? {
@@ -103,7 +111,7 @@ pub(crate) fn classify(path: PathBuf) -> PyResult<&'static str> {
     })
 }
 
-/// Keeps the finite points and tells how many were dropped.
+/// Keep the finite points, shape (N, 3), in their order, and tell how many were dropped.
 #[pyfunction]
 pub(crate) fn finite<'py>(
     py: Python<'py>,
@@ -135,11 +143,13 @@ impl Trajectory {
 
 #[pymethods]
 impl Trajectory {
+    /// Times in nanoseconds, shape (N,); None for KITTI files, which have a pose for each sweep in order.
     #[getter]
     fn stamps_ns(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         self.stamps_ns.as_ref().map(|all| self.kept[0].get(py, || Ok(row(py, all.clone())))).transpose()
     }
 
+    /// The same in seconds.
     #[getter]
     fn stamps(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         let seconds = |ns: &i64| StampedPose { stamp_ns: *ns, pose: Pose::identity() }.stamp();
@@ -147,6 +157,7 @@ impl Trajectory {
         self.stamps_ns.as_ref().map(make).transpose()
     }
 
+    /// Poses, shape (N, 4, 4), metres, in the frame the file is about.
     #[getter]
     fn poses(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.kept[2].get(py, || {
@@ -165,22 +176,28 @@ impl Trajectory {
     }
 }
 
+/// Read a TUM trajectory: `stamp x y z qx qy qz qw` a line.
 #[pyfunction]
 pub(crate) fn read_tum(py: Python<'_>, path: PathBuf) -> PyResult<Trajectory> {
     run(py, Threads::default(), move || esm_io::read_tum(path)).map(|p| Trajectory::new(PoseFile::Stamped(p)))
 }
 
+/// Read a KITTI trajectory: the upper 3 x 4 numbers of a pose a line.
 #[pyfunction]
 pub(crate) fn read_kitti_poses(py: Python<'_>, path: PathBuf) -> PyResult<Trajectory> {
     run(py, Threads::default(), move || esm_io::read_kitti_poses(path))
         .map(|p| Trajectory::new(PoseFile::Ordered(p)))
 }
 
+/// Read a TUM or KITTI trajectory, told apart by its first line.
 #[pyfunction]
 pub(crate) fn read_poses(py: Python<'_>, path: PathBuf) -> PyResult<Trajectory> {
     run(py, Threads::default(), move || esm_io::read_poses(path)).map(Trajectory::new)
 }
 
+/// Write a TUM trajectory, whole or not at all.
+///
+/// `stamps_ns`: nanoseconds, integers of shape (N,). `poses`: shape (N, 4, 4).
 #[pyfunction]
 pub(crate) fn write_tum(
     py: Python<'_>,
@@ -205,7 +222,9 @@ pub(crate) fn write_tum(
     run(py, Threads::default(), move || esm_io::write_tum(path, all))
 }
 
-/// Writes poses as MCAP.
+/// Writes poses to an MCAP file (`PoseWithCovarianceStamped`) that appears when it is finished, and not before.
+///
+/// As a context manager it finishes at the end, and gives the file up after an exception.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct PoseWriter {
     path: PathBuf,
@@ -238,6 +257,7 @@ impl PoseWriter {
         Ok(Self { path, writer: Mutex::new(Some(writer)) })
     }
 
+    /// Write one pose, shape (4, 4), and its covariance, shape (6, 6), as `Localization` gives them.
     #[pyo3(signature = (stamp_ns, pose_map_sensor, covariance=None))]
     fn write(
         &self,
@@ -258,6 +278,7 @@ impl PoseWriter {
         })
     }
 
+    /// Complete the file and move it into place.
     fn finish(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |writer| {
             let writer = writer.take().ok_or_else(finished)?;

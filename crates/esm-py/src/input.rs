@@ -218,7 +218,9 @@ fn numbers<T: Real>(array: &Bound<'_, PyUntypedArray>, name: &str) -> PyResult<V
 
 /// The array itself where its numbers are of this type and can be read where they lie.
 fn in_place<'py, T: Element>(array: &Bound<'py, PyUntypedArray>) -> Option<Bound<'py, PyArray2<T>>> {
-    array.is_aligned().then(|| array.cast::<PyArray2<T>>().ok().cloned()).flatten()
+    // NumPy calls any array without items aligned, wherever it points to.
+    let readable = array.is_aligned() && !array.is_empty();
+    readable.then(|| array.cast::<PyArray2<T>>().ok().cloned()).flatten()
 }
 
 /// The array as float64, copied where it is anything else.

@@ -19,7 +19,7 @@ use crate::recording::Sweep;
 use crate::threads::Threads;
 use crate::work::run;
 
-/// A segment of a live cloud in the map frame.
+/// A segment of a live cloud with the object it shows.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Found {
     inner: Arc<esm_learn::Found>,
@@ -28,26 +28,31 @@ pub(crate) struct Found {
 
 #[pymethods]
 impl Found {
+    /// Points, shape (N, 3), metres about `centroid_map`, axes of the map frame.
     #[getter]
     fn points(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.points.get(py, || rows3(py, self.inner.points.clone()))
     }
 
+    /// Mean of the points, shape (3,), metres, map frame.
     #[getter]
     fn centroid_map(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_row(py, &self.inner.centroid_map)
     }
 
+    /// The object that a clear majority of its points lies on, where there is one and points carry labels.
     #[getter]
     fn object(&self) -> Option<u32> {
         self.inner.label.map(|l| l.object)
     }
 
+    /// The class of that object (`CLASSES`).
     #[getter]
     fn object_class(&self) -> Option<u8> {
         self.inner.label.map(|l| l.class)
     }
 
+    /// Height of the lowest point above the ground, metres, NaN where unknown.
     #[getter]
     fn above_ground(&self) -> f32 {
         self.inner.above_ground
@@ -65,7 +70,9 @@ impl Found {
     }
 }
 
-/// Segments of live clouds with the objects they show.
+/// Feeds on the sweeps of one recording; gives the segments of a live cloud every `step_m` metres of travel.
+///
+/// Clouds that hold less than 95 % of `accumulate.distance_m` are left out.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Surveyor {
     inner: Arc<Mutex<esm_learn::Surveyor>>,
@@ -113,6 +120,10 @@ impl Surveyor {
         Ok(Self { inner, config, step_m, threads: Threads::new(threads)? })
     }
 
+    /// Take the next sweep; give the segments of the live cloud that ends with it, where one is due.
+    ///
+    /// `stamp`: seconds. `points`: shape (N, 3), metres, sensor frame. `pose_odom_sensor`: the odometry, shape (4, 4).
+    /// `pose_map_sensor`: the truth, shape (4, 4), None where it is not known. `objects`, `classes`: labels, shape (N,).
     #[pyo3(signature = (stamp, points, pose_odom_sensor, pose_map_sensor, *, objects=None, classes=None))]
     #[allow(clippy::too_many_arguments)] // Python has names for them.
     fn push(
@@ -133,6 +144,7 @@ impl Surveyor {
         self.with(py, move |surveyor| surveyor.push(stamp, &sweep, &labels, odom, map))
     }
 
+    /// Take the next sweep of a recording, with its labels, and the truth, None where it is not known.
     fn push_sweep(
         &self,
         py: Python<'_>,
@@ -167,7 +179,10 @@ impl Surveyor {
     }
 }
 
-/// Which segments are one object.
+/// Gives segments of one place their identities, in the order in which they come, over all visits.
+///
+/// Centroids up to `same_m` metres apart are one object, beyond `different_m` different ones, between neither: the paper's
+/// rule by default. Its length is the number of identities so far.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Identities {
     inner: Mutex<esm_learn::Identities>,
@@ -177,7 +192,7 @@ pub(crate) struct Identities {
 #[pymethods]
 impl Identities {
     #[new]
-    #[pyo3(signature = (same_m=IdentityRule::PAPER.same_m, different_m=IdentityRule::PAPER.different_m))]
+    #[pyo3(signature = (same_m=0.5, different_m=4.0))] // IdentityRule::PAPER
     fn new(same_m: f64, different_m: f64) -> PyResult<Self> {
         // Cells of 5 m are searched, and their neighbours.
         if !(same_m >= 0.0 && same_m <= different_m && different_m <= 5.0) {
@@ -188,13 +203,16 @@ impl Identities {
         Ok(Self { inner: Mutex::new(esm_learn::Identities::new(rule)), rule })
     }
 
-    /// For objects with numbers.
+    /// Make one for objects with numbers, whose parts are told apart by 1 m and 3 m.
     #[staticmethod]
     fn numbered() -> Self {
         let rule = IdentityRule::NUMBERED;
         Self { inner: Mutex::new(esm_learn::Identities::new(rule)), rule }
     }
 
+    /// Give the identity of a segment of an object (0 for all where objects have no numbers), -1 for neither.
+    ///
+    /// `centroid_map`: shape (3,), metres.
     fn of(&self, object: u32, centroid_map: &Bound<'_, PyAny>) -> PyResult<i64> {
         let at = position(centroid_map, "centroid_map")?;
         Ok(self.inner.lock().unwrap_or_else(PoisonError::into_inner).of(object, at))
@@ -214,7 +232,9 @@ impl Identities {
     }
 }
 
-/// Writes a set of labelled segments.
+/// Writes labelled segments to a directory that NumPy maps into memory (`python/train/DATA.md`), whole or not at all.
+///
+/// As a context manager it finishes at the end, and gives the set up after an exception.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct SegmentSetWriter {
     target: PathBuf,
@@ -241,26 +261,29 @@ fn finished() -> Failure {
 #[pymethods]
 impl SegmentSetWriter {
     #[new]
-    #[pyo3(signature = (target, *, places, classes, voxel_m, source=String::new()))]
+    #[pyo3(signature = (target, *, places, classes, voxel_m, source=""))]
     fn new(
         target: PathBuf,
         places: Vec<String>,
         classes: Vec<String>,
         voxel_m: f32,
-        source: String,
+        source: &str,
     ) -> PyResult<Self> {
         let count = places.len();
         if !(voxel_m >= 0.0 && voxel_m.is_finite()) {
             return Err(bad_value("voxel_m", format!("must be 0 m or more, got {voxel_m}")));
         }
-        let info = SetInfo { places, classes, voxel_m, source };
+        let info = SetInfo { places, classes, voxel_m, source: source.to_owned() };
         let writer = esm_learn::SegmentSetWriter::create(&target, info).map_err(Failure::from)?;
         Ok(Self { target, places: count, writer: Arc::new(Mutex::new(Some(writer))) })
     }
 
+    /// Append a segment.
+    ///
+    /// `points`: shape (N, 3), metres about `centroid_map`, shape (3,), metres, map frame. `object`: its identity, unique in
+    /// its place, -1 where unknown. `observation`: the live cloud's number in the set. `above_ground`: metres.
     #[pyo3(signature = (
-        points, centroid_map, *, object, observation, visit=0, place=0, object_class=UNKNOWN_CLASS,
-        above_ground=f32::NAN
+        points, centroid_map, *, object, observation, visit=0, place=0, object_class=255, above_ground=None
     ))]
     #[allow(clippy::too_many_arguments)] // Python has names for them.
     fn push(
@@ -273,7 +296,7 @@ impl SegmentSetWriter {
         visit: u16,
         place: u16,
         object_class: u8,
-        above_ground: f32,
+        above_ground: Option<f32>,
     ) -> PyResult<()> {
         let points = cloud(points, "points")?.into_points();
         if points.is_empty() {
@@ -286,11 +309,12 @@ impl SegmentSetWriter {
             ));
         }
         let centroid_map = position(centroid_map, "centroid_map")?;
-        let class = object_class;
+        let (class, above_ground) = (object_class, above_ground.unwrap_or(f32::NAN));
         let row = Row { points, centroid_map, object, observation, visit, place, class, above_ground };
         self.with(py, move |writer| Ok(writer.as_mut().ok_or_else(finished)?.push(&row)?))
     }
 
+    /// See everything on the disk, give the set its name, and tell the number of segments.
     fn finish(&self, py: Python<'_>) -> PyResult<u64> {
         self.with(py, |writer| Ok(writer.take().ok_or_else(finished)?.finish()?))
     }

@@ -15,7 +15,9 @@ use crate::pose::fixed_option;
 use crate::threads::Threads;
 use crate::work::run;
 
-/// Finds live clouds in a map.
+/// Finds live clouds in a prior map. Every cloud stands for itself: nothing is kept from one to the next.
+///
+/// `config.descriptor` must be the map's (`map.descriptor_info`); `descriptor` takes the place of the configured one.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Localizer {
     inner: Arc<core::Localizer>,
@@ -43,11 +45,13 @@ impl Localizer {
         Ok(Self { inner: Arc::new(inner), threads })
     }
 
+    /// The map in use.
     #[getter]
     fn map(&self) -> Map {
         Map::new(Arc::clone(self.inner.map()))
     }
 
+    /// Find the cloud in the map: segment, describe, match, estimate, verify.
     fn localize(&self, py: Python<'_>, live: &Bound<'_, LiveCloud>) -> PyResult<Localization> {
         let (localizer, live) = (Arc::clone(&self.inner), Arc::clone(&live.get().inner));
         run(py, self.threads, move || localizer.localize(&live)).map(Localization::new)
@@ -79,71 +83,85 @@ pub(crate) fn covariance(py: Python<'_>, kept: &Kept, c: Option<&[f64; 36]>) -> 
 
 #[pymethods]
 impl Localization {
+    /// Seconds, of the newest sweep in the cloud.
     #[getter]
     fn stamp(&self) -> f64 {
         self.inner.stamp
     }
 
+    /// Whether the pose is to be trusted.
     #[getter]
     fn verdict(&self) -> &'static str {
         self.inner.verdict.as_str()
     }
 
+    /// Whether the verdict is `located`.
     #[getter]
     fn located(&self) -> bool {
         self.inner.verdict == Verdict::Located
     }
 
+    /// Why the cloud was not located.
     #[getter]
     fn reason(&self) -> Option<&str> {
         self.inner.reason.as_deref()
     }
 
+    /// Pose of the newest sensor frame in the map, shape (4, 4); where the verdict is `ambiguous` it is a guess.
     #[getter]
     fn pose_map_sensor(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         fixed_option(py, self.inner.pose_map_sensor.as_ref())
     }
 
+    /// Shape (6, 6), order x y z rx ry rz in m and rad: of a right perturbation in the sensor frame.
     #[getter]
     fn covariance(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         covariance(py, &self.covariance, self.inner.covariance.as_ref())
     }
 
+    /// Metres of travel the cloud holds.
     #[getter]
     fn travel_m(&self) -> f64 {
         self.inner.travel_m
     }
 
+    /// Segments cut from the cloud.
     #[getter]
     fn segments(&self) -> usize {
         self.inner.segments
     }
 
+    /// Segments described for this answer.
     #[getter]
     fn described(&self) -> usize {
         self.inner.described
     }
 
+    /// Matched segments that agree with the pose, at most one a live segment.
     #[getter]
     fn inliers(&self) -> usize {
         self.inner.inliers
     }
 
+    /// How well the best place explains the cloud: inliers weighted by the share of points found in the map.
     #[getter]
     fn score(&self) -> f64 {
         self.inner.score
     }
 
+    /// The same for the best other place, 0 where there is none.
     #[getter]
     fn runner_up(&self) -> f64 {
         self.inner.runner_up
     }
 
+    /// The pose of that other place, shape (4, 4).
     #[getter]
     fn runner_up_pose_map_sensor(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         fixed_option(py, self.inner.runner_up_pose_map_sensor.as_ref())
     }
 
+    /// The matches behind `inliers`.
     #[getter]
     fn matches(&self) -> Vec<MatchedSegment> {
         self.inner.matches.iter().map(|m| MatchedSegment { inner: *m }).collect()
@@ -179,7 +197,7 @@ impl Localization {
     }
 }
 
-/// A live segment and its map segment.
+/// One live segment and the map segment it was matched with.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct MatchedSegment {
     inner: core::MatchedSegment,
@@ -187,21 +205,25 @@ pub(crate) struct MatchedSegment {
 
 #[pymethods]
 impl MatchedSegment {
+    /// Index of the live segment.
     #[getter]
     fn live(&self) -> usize {
         self.inner.live
     }
 
+    /// Index of the map segment.
     #[getter]
     fn map(&self) -> usize {
         self.inner.map
     }
 
+    /// Centroid of the live segment, shape (3,), metres, sensor frame.
     #[getter]
     fn live_centroid_sensor(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_row(py, &self.inner.live_centroid_sensor)
     }
 
+    /// Centroid of the map segment, shape (3,), metres, map frame.
     #[getter]
     fn map_centroid_map(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_row(py, &self.inner.map_centroid_map)

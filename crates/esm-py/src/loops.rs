@@ -15,7 +15,9 @@ use crate::pose::fixed_pose;
 use crate::threads::Threads;
 use crate::work::run;
 
-/// Looks for every new cloud in the recording's past.
+/// Grows a map of the recording's past and looks for every new cloud in it.
+///
+/// Past is what was seen 30 s and 50 m of travel ago. The motion is used relatively only.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct LoopFinder {
     inner: Arc<Mutex<core::LoopFinder>>,
@@ -40,6 +42,9 @@ impl LoopFinder {
         Ok(Self { inner: Arc::new(Mutex::new(inner)), threads: Threads::new(threads)? })
     }
 
+    /// Look for the cloud in the past, then add it to what will be the past.
+    ///
+    /// None where the cloud has no motion, or there is no past yet.
     fn push(&self, py: Python<'_>, live: &Bound<'_, LiveCloud>) -> PyResult<Option<LoopAnswer>> {
         let (inner, live) = (Arc::clone(&self.inner), (*live.get().inner).clone());
         let answer =
@@ -52,7 +57,7 @@ impl LoopFinder {
     }
 }
 
-/// The answer for one cloud.
+/// The answer for one cloud of a recording.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct LoopAnswer {
     localization: Py<Localization>,
@@ -71,11 +76,13 @@ impl LoopAnswer {
 
 #[pymethods]
 impl LoopAnswer {
+    /// The cloud's localization in the map of the past, whose frame is the odometry's.
     #[getter]
     fn localization(&self, py: Python<'_>) -> Py<Localization> {
         self.localization.clone_ref(py)
     }
 
+    /// The constraint, where the cloud was located.
     #[getter]
     fn closure(&self, py: Python<'_>) -> Option<Py<LoopClosure>> {
         self.closure.as_ref().map(|c| c.clone_ref(py))
@@ -100,21 +107,25 @@ pub(crate) struct LoopClosure {
 
 #[pymethods]
 impl LoopClosure {
+    /// Seconds: the sweep of the past whose place is nearest.
     #[getter]
     fn stamp_from(&self) -> f64 {
         self.inner.stamp_from
     }
 
+    /// Seconds: the newest sweep of the cloud that was recognised.
     #[getter]
     fn stamp_to(&self) -> f64 {
         self.inner.stamp_to
     }
 
+    /// Pose of the sensor at `stamp_to` in the sensor frame of `stamp_from`, shape (4, 4).
     #[getter]
     fn pose_from_to(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_pose(py, &self.inner.pose_from_to)
     }
 
+    /// Shape (6, 6), order x y z rx ry rz in m and rad: of a right perturbation in the sensor frame of `stamp_to`.
     #[getter]
     fn covariance(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         covariance(py, &self.covariance, self.inner.covariance.as_ref())

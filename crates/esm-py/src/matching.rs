@@ -23,7 +23,7 @@ use crate::work::run;
 /// Rows and distances of neighbours, each of shape (M, k).
 type Neighbours<'py> = (Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<f32>>);
 
-/// An index over descriptors.
+/// An index over descriptors, shape (N, dim): by k-d tree, by matrix product, or the faster of the two.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Index {
     inner: Arc<index::Index>,
@@ -57,6 +57,9 @@ impl Index {
         Ok(Self { inner: Arc::new(inner), rows, dim })
     }
 
+    /// Find for every query, shape (M, dim), the k nearest rows: their numbers and squared L2 distances.
+    ///
+    /// Both have shape (M, k), nearest first, k at most the number of rows.
     #[pyo3(signature = (queries, k, *, threads=None))]
     fn nearest<'py>(
         &self,
@@ -79,6 +82,7 @@ impl Index {
         Ok((output::table(py, rows, k)?, output::table(py, distances, k)?))
     }
 
+    /// Which of the two it is.
     #[getter]
     fn kind(&self) -> &'static str {
         match &*self.inner {
@@ -96,7 +100,7 @@ impl Index {
     }
 }
 
-/// Candidate matches of a cloud, best first.
+/// Candidate matches of a cloud, best first: a live segment, a map segment it may be, and how good that looks.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Candidates {
     inner: Arc<Vec<Candidate>>,
@@ -125,31 +129,37 @@ impl Candidates {
 
 #[pymethods]
 impl Candidates {
+    /// Index of the live segment, shape (C,).
     #[getter]
     fn live(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.column(py, 0, |c| c.live)
     }
 
+    /// Index of the map segment, shape (C,).
     #[getter]
     fn map(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.column(py, 1, |c| c.map)
     }
 
+    /// Squared L2 distance of the descriptors, shape (C,).
     #[getter]
     fn distance(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.column(py, 2, |c| c.distance)
     }
 
+    /// Probability that both descriptors are good for matching, shape (C,).
     #[getter]
     fn quality(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.column(py, 3, |c| c.quality)
     }
 
+    /// Centroids of the live segments, shape (C, 3), metres, sensor frame.
     #[getter]
     fn live_centroids(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.centroids(py, 4, |c| c.pair.live)
     }
 
+    /// Centroids of the map segments, shape (C, 3), metres, relative to the map's origin.
     #[getter]
     fn map_centroids(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.centroids(py, 5, |c| c.pair.map)
@@ -164,6 +174,9 @@ impl Candidates {
     }
 }
 
+/// Find for every live segment its nearest map segments.
+///
+/// `descriptions` must be on the map's scale (`map.standardizer`), `index` over `map.descriptors`.
 #[pyfunction]
 #[pyo3(signature = (segments, descriptions, map, index, config=None, *, threads=None))]
 pub(crate) fn candidates(
@@ -210,7 +223,7 @@ pub(crate) fn candidates(
     Ok(Candidates { inner: Arc::new(inner), kept: Default::default() })
 }
 
-/// A place that candidate matches agree on.
+/// A place the cloud may have been taken at.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Hypothesis {
     inner: estimate::Hypothesis,
@@ -219,11 +232,13 @@ pub(crate) struct Hypothesis {
 
 #[pymethods]
 impl Hypothesis {
+    /// Pose of the live sensor, shape (4, 4), relative to the map's origin.
     #[getter]
     fn pose_origin_sensor(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_pose(py, &self.inner.pose_map_sensor)
     }
 
+    /// The candidates that agree with it, by their index, shape (I,).
     #[getter]
     fn inliers(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.inliers.get(py, || Ok(row(py, self.inner.support.inliers.clone())))
@@ -236,6 +251,7 @@ impl Hypothesis {
     }
 }
 
+/// Find the distinct places with the most support, best first.
 #[pyfunction]
 #[pyo3(signature = (candidates, config=None, *, threads=None))]
 pub(crate) fn search(

@@ -12,7 +12,10 @@ use crate::pose;
 use crate::threads::Threads;
 use crate::work::run;
 
-/// An opened recording.
+/// An opened recording: one `.mcap`, a directory of scans, or a single scan. Iterating over it reads its sweeps.
+///
+/// `cloud_topic` and `motion_topic` choose where several topics are of a kind; `poses` is a TUM or KITTI file that gives the
+/// sensor's pose at each sweep instead of a topic; `labels` reads what each point was hit on, as simulators tell it.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Recording {
     inner: Arc<esm_io::Recording>,
@@ -35,36 +38,43 @@ impl Recording {
         Ok(Self { inner: Arc::new(inner) })
     }
 
+    /// The file or directory.
     #[getter]
     fn path(&self) -> PathBuf {
         self.inner.path().to_owned()
     }
 
+    /// The topic the clouds are read from.
     #[getter]
     fn cloud_topic(&self) -> Option<&str> {
         self.inner.cloud_topic()
     }
 
+    /// The topic the motion is read from.
     #[getter]
     fn motion_topic(&self) -> Option<&str> {
         self.inner.motion_topic()
     }
 
+    /// Whether there is a source of motion: a topic or a file of poses.
     #[getter]
     fn has_motion(&self) -> bool {
         self.inner.has_motion()
     }
 
+    /// How many sweeps there are as far as the file tells without reading the clouds.
     #[getter]
     fn sweep_count_hint(&self) -> Option<usize> {
         self.inner.sweep_count_hint()
     }
 
+    /// All topics by name; none for a directory.
     #[getter]
     fn topics(&self) -> Vec<Topic> {
         self.inner.topics().into_iter().map(|inner| Topic { inner }).collect()
     }
 
+    /// Start reading at the first sweep, independently of other readings.
     fn sweeps(&self, py: Python<'_>) -> PyResult<Sweeps> {
         let recording = Arc::clone(&self.inner);
         let sweeps = run(py, Threads::default(), move || recording.sweeps())?;
@@ -93,16 +103,19 @@ pub(crate) struct Topic {
 
 #[pymethods]
 impl Topic {
+    /// Its name, such as `/velodyne_points`.
     #[getter]
     fn name(&self) -> &str {
         &self.inner.name
     }
 
+    /// Its message type, such as `sensor_msgs/msg/PointCloud2`.
     #[getter]
     fn message_type(&self) -> &str {
         &self.inner.message_type
     }
 
+    /// Number of messages (intact ones where the recording is damaged).
     #[getter]
     fn messages(&self) -> u64 {
         self.inner.messages
@@ -120,7 +133,9 @@ struct Reading {
     told: bool,
 }
 
-/// The sweeps of a recording, one after the other.
+/// The sweeps of a recording in the order of the file, in constant memory. After an error it ends.
+///
+/// What was not as it should be is warned of once the end is reached (`RecordingWarning`).
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Sweeps {
     path: PathBuf,
@@ -161,11 +176,13 @@ impl Sweeps {
         Ok(sweep.map(Sweep::new))
     }
 
+    /// What was not as it should be, in words; complete once the iteration has ended.
     #[getter]
     fn warnings(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.with(py, |reading| Ok(texts(reading.sweeps.warnings())))
     }
 
+    /// What is missing of a damaged recording, once the iteration has ended.
     #[getter]
     fn damage(&self, py: Python<'_>) -> PyResult<Option<Damage>> {
         self.with(py, |reading| Ok(reading.sweeps.damage().map(|d| Damage { inner: d.clone() })))
@@ -180,7 +197,7 @@ fn texts(warnings: &[esm_io::Warning]) -> Vec<String> {
     warnings.iter().map(ToString::to_string).collect()
 }
 
-/// What a damaged recording has lost.
+/// A recording from which something is missing. Every intact message was used all the same.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Damage {
     inner: esm_io::Damage,
@@ -195,26 +212,31 @@ fn count(lost: Lost) -> (u64, bool) {
 
 #[pymethods]
 impl Damage {
+    /// Missing messages of all topics, at least.
     #[getter]
     fn lost(&self) -> u64 {
         count(self.inner.lost).0
     }
 
+    /// Missing clouds, at least.
     #[getter]
     fn lost_clouds(&self) -> u64 {
         count(self.inner.lost_clouds).0
     }
 
+    /// Whether not more are missing, as far as the file tells.
     #[getter]
     fn is_exact(&self) -> bool {
         count(self.inner.lost).1 && count(self.inner.lost_clouds).1
     }
 
+    /// Where and what, in the order of the file: the first few places.
     #[getter]
     fn places(&self) -> Vec<String> {
         self.inner.places.clone()
     }
 
+    /// Number of further places.
     #[getter]
     fn more_places(&self) -> usize {
         self.inner.more_places
@@ -235,7 +257,7 @@ impl Damage {
     }
 }
 
-/// One sweep.
+/// One sweep of a recording.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Sweep {
     pub(crate) inner: Arc<esm_io::Sweep>,
@@ -262,47 +284,56 @@ impl Sweep {
 
 #[pymethods]
 impl Sweep {
+    /// Its number among the recording's intact clouds, from 1.
     #[getter]
     fn number(&self) -> usize {
         self.inner.number
     }
 
+    /// Time in seconds.
     #[getter]
     fn stamp(&self) -> f64 {
         self.inner.stamp
     }
 
+    /// The same in nanoseconds, exact.
     #[getter]
     fn stamp_ns(&self) -> i64 {
         self.inner.stamp_ns
     }
 
+    /// Points, shape (N, 3), metres, sensor frame.
     #[getter]
     fn points(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.kept[0].get(py, || rows3(py, self.inner.cloud.points().to_vec()))
     }
 
+    /// Where the sensor is in the frame its motion is told in, shape (4, 4). Only differences mean anything.
     #[getter]
     fn pose_odom_sensor(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         let pose = self.inner.pose_odom_sensor.as_ref();
         pose.map(|p| self.kept[1].get(py, || pose::write(py, p))).transpose()
     }
 
+    /// The sensor frame's name, empty in directories.
     #[getter]
     fn frame_id(&self) -> &str {
         &self.inner.frame_id
     }
 
+    /// Points left out: NaN, infinite, or exactly (0, 0, 0).
     #[getter]
     fn dropped(&self) -> usize {
         self.inner.dropped
     }
 
+    /// The object each point was hit on, shape (N,), 0 for the ground, where labels were asked for and are there.
     #[getter]
     fn objects(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         self.labels(py, &self.kept[2], |l| l.object)
     }
 
+    /// The class of that object (`CLASSES`), shape (N,), 255 where unknown.
     #[getter]
     fn classes(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         self.labels(py, &self.kept[3], |l| l.class)

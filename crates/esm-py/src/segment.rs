@@ -16,7 +16,7 @@ use crate::output::{Kept, fixed_row, row, rows3};
 use crate::threads::Threads;
 use crate::work::run;
 
-/// One segment.
+/// One segment: a connected group of points above the ground, in the frame of the cloud it was cut from.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Segment {
     pub(crate) inner: Arc<core::Segment>,
@@ -37,21 +37,25 @@ impl Segment {
         segment.map(Self::from_core).ok_or_else(|| bad_value("points", "must hold at least one point"))
     }
 
+    /// Points, shape (N, 3), metres.
     #[getter]
     fn points(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.points.get(py, || rows3(py, self.inner.points.clone()))
     }
 
+    /// Mean of the points, shape (3,), metres.
     #[getter]
     fn centroid(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_row(py, &self.inner.centroid)
     }
 
+    /// Lower corner of the axis-aligned box, shape (3,), metres.
     #[getter]
     fn min(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_row(py, &self.inner.min)
     }
 
+    /// Upper corner of the axis-aligned box, shape (3,), metres.
     #[getter]
     fn max(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_row(py, &self.inner.max)
@@ -77,6 +81,7 @@ pub(crate) struct Segmentation {
 
 #[pymethods]
 impl Segmentation {
+    /// The segments, ordered by their first point in the order of voxels (z, then y, then x).
     #[getter]
     fn segments(&self, py: Python<'_>) -> PyResult<Py<PyTuple>> {
         let made = self.segments.get_or_try_init(py, || {
@@ -87,16 +92,19 @@ impl Segmentation {
         made.map(|t| t.clone_ref(py))
     }
 
+    /// The ground points of the voxelled cloud, shape (N, 3), metres.
     #[getter]
     fn ground(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.kept[0].get(py, || rows3(py, self.inner.ground.clone()))
     }
 
+    /// All that stands on the ground, in a segment or not, shape (N, 3), metres.
     #[getter]
     fn structure(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         self.kept[1].get(py, || rows3(py, self.inner.structure.clone()))
     }
 
+    /// Points of the voxelled cloud, ground and small clusters included.
     #[getter]
     fn voxelled(&self) -> usize {
         self.inner.voxelled
@@ -118,6 +126,10 @@ impl Segmentation {
     }
 }
 
+/// Cut a cloud into segments: thin it by voxels, remove the ground, cluster the rest.
+///
+/// `points`: shape (N, 3), metres, finite, a frame with z up to within some ten degrees. The result does not depend on their
+/// order.
 #[pyfunction]
 #[pyo3(signature = (points, config=None, *, threads=None))]
 pub(crate) fn segment(
@@ -132,6 +144,7 @@ pub(crate) fn segment(
     Ok(Segmentation { inner: Arc::new(inner), segments: PyOnceLock::new(), kept: Default::default() })
 }
 
+/// Replace the points of each voxel of `segment.voxel` metres by their centroid: shape (N, 3) to (M, 3).
 #[pyfunction]
 #[pyo3(signature = (points, config=None, *, threads=None))]
 pub(crate) fn voxel_filter<'py>(
@@ -147,6 +160,7 @@ pub(crate) fn voxel_filter<'py>(
     rows3(py, thinned)
 }
 
+/// Tell for each point, shape (N, 3), whether it is ground (`segment.ground`): shape (N,).
 #[pyfunction]
 #[pyo3(signature = (points, config=None, *, threads=None))]
 pub(crate) fn ground_flags<'py>(
@@ -162,6 +176,9 @@ pub(crate) fn ground_flags<'py>(
     Ok(row(py, flags))
 }
 
+/// Group points, shape (N, 3), that are linked by steps of up to `segment.tolerance` metres.
+///
+/// Gives the indices of each group that has `segment.min_points` to `segment.max_points` of them.
 #[pyfunction]
 #[pyo3(signature = (points, config=None, *, threads=None))]
 pub(crate) fn euclidean_clusters<'py>(

@@ -11,7 +11,7 @@ use crate::failure::{Failure, raise};
 use crate::threads::Threads;
 use crate::work::run_telling;
 
-/// A world, a sensor, and two visits.
+/// A world, a sensor, and two visits, by name (`PRESETS`).
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct Preset {
     inner: esm_sim::Preset,
@@ -24,41 +24,49 @@ impl Preset {
         Ok(Self { inner: esm_sim::preset(name).map_err(Failure::from)? })
     }
 
+    /// Its name.
     #[getter]
     fn name(&self) -> &str {
         self.inner.name
     }
 
+    /// What it mirrors.
     #[getter]
     fn about(&self) -> &str {
         self.inner.about
     }
 
+    /// Length of the route at scale 1, metres.
     #[getter]
     fn length_m(&self) -> f64 {
         self.inner.length_m
     }
 
+    /// The sensor's name.
     #[getter]
     fn sensor(&self) -> &str {
         self.inner.sensor.sensor().name
     }
 
+    /// Height of the sensor above the ground, metres.
     #[getter]
     fn sensor_height_m(&self) -> f64 {
         self.inner.sensor_height_m
     }
 
+    /// Mean speed, m/s.
     #[getter]
     fn speed_mps(&self) -> f64 {
         self.inner.speed_mps
     }
 
+    /// Metres between recorded sweeps; 0 records every one.
     #[getter]
     fn spacing_m(&self) -> f64 {
         self.inner.spacing_m
     }
 
+    /// Metres of travel in a live cloud of the data it mirrors (`accumulate.distance_m`).
     #[getter]
     fn accumulate_m(&self) -> f64 {
         self.inner.accumulate_m
@@ -92,16 +100,19 @@ pub(crate) struct Progress {
 
 #[pymethods]
 impl Progress {
+    /// The visit in hand.
     #[getter]
     fn visit(&self) -> &'static str {
         self.inner.visit
     }
 
+    /// Sweeps written.
     #[getter]
     fn done(&self) -> usize {
         self.inner.done
     }
 
+    /// Sweeps of the visit.
     #[getter]
     fn total(&self) -> usize {
         self.inner.total
@@ -121,31 +132,37 @@ pub(crate) struct Summary {
 
 #[pymethods]
 impl Summary {
+    /// Sweeps.
     #[getter]
     fn sweeps(&self) -> usize {
         self.inner.sweeps
     }
 
+    /// Rays cast.
     #[getter]
     fn rays(&self) -> u64 {
         self.inner.rays
     }
 
+    /// Points that came back.
     #[getter]
     fn points(&self) -> u64 {
         self.inner.points
     }
 
+    /// Metres travelled.
     #[getter]
     fn travel_m(&self) -> f64 {
         self.inner.travel_m
     }
 
+    /// Of the sweeps, those that an interrupted run had made.
     #[getter]
     fn kept(&self) -> usize {
         self.inner.kept
     }
 
+    /// Sweeps of an interrupted run that were made again: this program makes other ones.
     #[getter]
     fn discarded(&self) -> usize {
         self.inner.discarded
@@ -160,6 +177,12 @@ impl Summary {
     }
 }
 
+/// Simulate both visits of a preset into a directory, or go on where an interrupted run was.
+///
+/// Makes `map.mcap`, `live.mcap`, `map_truth.tum` and `live_truth.tum`; their bytes depend on preset, seed and scale (which
+/// multiplies the route's length) alone. What is complete already is left as it is; what another simulation or somebody else
+/// has made is replaced with `force` only. `progress` hears of every batch of sweeps and stops the simulation by answering
+/// False. After Ctrl-C the same call goes on.
 #[pyfunction]
 #[pyo3(signature = (preset, seed, directory, *, scale=1.0, force=false, progress=None, threads=None))]
 #[allow(clippy::too_many_arguments)] // Python has names for them.

@@ -8,11 +8,12 @@ from typing import Any, Final, Literal, Self, SupportsIndex, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
 
-StrPath: TypeAlias = str | PathLike[str]
-Float32: TypeAlias = NDArray[np.float32]
-Float64: TypeAlias = NDArray[np.float64]
-UInt32: TypeAlias = NDArray[np.uint32]
+_StrPath: TypeAlias = str | PathLike[str]
+_Float32: TypeAlias = NDArray[np.float32]
+_Float64: TypeAlias = NDArray[np.float64]
+_UInt32: TypeAlias = NDArray[np.uint32]
 
 CLASSES: Final[dict[int, str]]
 DESCRIPTORS: Final[tuple[str, ...]]
@@ -29,9 +30,9 @@ __all__ = [
     "Candidates",
     "Config",
     "Damage",
-    "DescriptorInfo",
     "Descriptions",
     "Descriptor",
+    "DescriptorInfo",
     "Found",
     "Hypothesis",
     "Identities",
@@ -94,7 +95,7 @@ class Config:
         """Make one from TOML text."""
 
     @staticmethod
-    def read(path: StrPath) -> Config:
+    def read(path: _StrPath) -> Config:
         """Read a TOML file, as `--config FILE` does."""
 
     def replace(self, settings: Mapping[str, Any]) -> Config:
@@ -123,7 +124,7 @@ class Scan:
     """One scan of a file, in its sensor's frame."""
 
     @property
-    def points(self) -> Float32:
+    def points(self) -> _Float32:
         """Points, shape (N, 3), metres, sensor frame."""
 
     @property
@@ -137,11 +138,11 @@ class PriorCloud:
     """A survey somebody else made: one cloud in its own frame. A point's coordinates in the file are `origin + point`."""
 
     @property
-    def origin(self) -> Float64:
+    def origin(self) -> _Float64:
         """What to add to every point, shape (3,), metres, a multiple of 1000 on each axis."""
 
     @property
-    def points(self) -> Float32:
+    def points(self) -> _Float32:
         """Points relative to the origin, shape (N, 3), metres."""
 
     @property
@@ -150,16 +151,16 @@ class PriorCloud:
 
     def __len__(self) -> int: ...
 
-def read_scan(path: StrPath) -> Scan:
+def read_scan(path: _StrPath) -> Scan:
     """Read one scan: `.las`, `.laz`, `.pcd`, `.ply` or KITTI's `.bin`, told apart by extension. It may hold no point."""
 
-def read_prior_cloud(path: StrPath) -> PriorCloud:
+def read_prior_cloud(path: _StrPath) -> PriorCloud:
     """Read one prior cloud, of the formats of `read_scan`, projected coordinates included."""
 
-def classify(path: StrPath) -> Literal["recording", "scan_directory", "prior_cloud"]:
+def classify(path: _StrPath) -> Literal["recording", "scan_directory", "prior_cloud"]:
     """Tell what an input is, by its name and first bytes."""
 
-def finite(points: ArrayLike) -> tuple[Float32, int]:
+def finite(points: ArrayLike) -> tuple[_Float32, int]:
     """Keep the finite points, shape (N, 3), in their order, and tell how many were dropped."""
 
 @final
@@ -171,25 +172,25 @@ class Trajectory:
         """Times in nanoseconds, shape (N,); None for KITTI files, which have a pose for each sweep in order."""
 
     @property
-    def stamps(self) -> Float64 | None:
+    def stamps(self) -> _Float64 | None:
         """The same in seconds."""
 
     @property
-    def poses(self) -> Float64:
+    def poses(self) -> _Float64:
         """Poses, shape (N, 4, 4), metres, in the frame the file is about."""
 
     def __len__(self) -> int: ...
 
-def read_tum(path: StrPath) -> Trajectory:
+def read_tum(path: _StrPath) -> Trajectory:
     """Read a TUM trajectory: `stamp x y z qx qy qz qw` a line."""
 
-def read_kitti_poses(path: StrPath) -> Trajectory:
+def read_kitti_poses(path: _StrPath) -> Trajectory:
     """Read a KITTI trajectory: the upper 3 x 4 numbers of a pose a line."""
 
-def read_poses(path: StrPath) -> Trajectory:
+def read_poses(path: _StrPath) -> Trajectory:
     """Read a TUM or KITTI trajectory, told apart by its first line."""
 
-def write_tum(path: StrPath, stamps_ns: ArrayLike, poses: ArrayLike) -> None:
+def write_tum(path: _StrPath, stamps_ns: ArrayLike, poses: ArrayLike) -> None:
     """Write a TUM trajectory, whole or not at all.
 
     `stamps_ns`: nanoseconds, integers of shape (N,). `poses`: shape (N, 4, 4).
@@ -202,7 +203,7 @@ class PoseWriter:
     As a context manager it finishes at the end, and gives the file up after an exception.
     """
 
-    def __new__(cls, path: StrPath, topic: str = "/localization", frame_id: str = "map") -> Self: ...
+    def __new__(cls, path: _StrPath, topic: str = "/localization", frame_id: str = "map") -> Self: ...
     def write(self, stamp_ns: int, pose_map_sensor: ArrayLike, covariance: ArrayLike | None = None) -> None:
         """Write one pose, shape (4, 4), and its covariance, shape (6, 6), as `Localization` gives them."""
 
@@ -228,11 +229,11 @@ class Recording:
 
     def __new__(
         cls,
-        path: StrPath,
+        path: _StrPath,
         *,
         cloud_topic: str | None = None,
         motion_topic: str | None = None,
-        poses: StrPath | None = None,
+        poses: _StrPath | None = None,
         labels: bool = False,
     ) -> Self: ...
     @property
@@ -338,11 +339,11 @@ class Sweep:
         """The same in nanoseconds, exact."""
 
     @property
-    def points(self) -> Float32:
+    def points(self) -> _Float32:
         """Points, shape (N, 3), metres, sensor frame."""
 
     @property
-    def pose_odom_sensor(self) -> Float64 | None:
+    def pose_odom_sensor(self) -> _Float64 | None:
         """Where the sensor is in the frame its motion is told in, shape (4, 4). Only differences mean anything."""
 
     @property
@@ -354,7 +355,7 @@ class Sweep:
         """Points left out: NaN, infinite, or exactly (0, 0, 0)."""
 
     @property
-    def objects(self) -> UInt32 | None:
+    def objects(self) -> _UInt32 | None:
         """The object each point was hit on, shape (N,), 0 for the ground, where labels were asked for and are there."""
 
     @property
@@ -381,11 +382,11 @@ class LiveCloud:
         """Seconds, of the newest sweep."""
 
     @property
-    def points(self) -> Float32:
+    def points(self) -> _Float32:
         """Points, shape (N, 3), metres, newest sensor frame."""
 
     @property
-    def pose_odom_sensor(self) -> Float64 | None:
+    def pose_odom_sensor(self) -> _Float64 | None:
         """Pose of the newest sensor in the odometry frame, shape (4, 4), where the motion is known."""
 
     @property
@@ -423,19 +424,19 @@ class Segment:
 
     def __new__(cls, points: ArrayLike) -> Self: ...
     @property
-    def points(self) -> Float32:
+    def points(self) -> _Float32:
         """Points, shape (N, 3), metres."""
 
     @property
-    def centroid(self) -> Float32:
+    def centroid(self) -> _Float32:
         """Mean of the points, shape (3,), metres."""
 
     @property
-    def min(self) -> Float32:
+    def min(self) -> _Float32:
         """Lower corner of the axis-aligned box, shape (3,), metres."""
 
     @property
-    def max(self) -> Float32:
+    def max(self) -> _Float32:
         """Upper corner of the axis-aligned box, shape (3,), metres."""
 
     def __len__(self) -> int: ...
@@ -449,11 +450,11 @@ class Segmentation:
         """The segments, ordered by their first point in the order of voxels (z, then y, then x)."""
 
     @property
-    def ground(self) -> Float32:
+    def ground(self) -> _Float32:
         """The ground points of the voxelled cloud, shape (N, 3), metres."""
 
     @property
-    def structure(self) -> Float32:
+    def structure(self) -> _Float32:
         """All that stands on the ground, in a segment or not, shape (N, 3), metres."""
 
     @property
@@ -469,18 +470,19 @@ def segment(points: ArrayLike, config: Config | None = None, *, threads: int | N
     order.
     """
 
-def voxel_filter(points: ArrayLike, config: Config | None = None, *, threads: int | None = None) -> Float32:
+def voxel_filter(points: ArrayLike, config: Config | None = None, *, threads: int | None = None) -> _Float32:
     """Replace the points of each voxel of `segment.voxel` metres by their centroid: shape (N, 3) to (M, 3)."""
 
 def ground_flags(points: ArrayLike, config: Config | None = None, *, threads: int | None = None) -> NDArray[np.bool]:
     """Tell for each point, shape (N, 3), whether it is ground (`segment.ground`): shape (N,)."""
 
-def euclidean_clusters(points: ArrayLike, config: Config | None = None, *, threads: int | None = None) -> list[UInt32]:
+def euclidean_clusters(points: ArrayLike, config: Config | None = None, *, threads: int | None = None) -> list[_UInt32]:
     """Group points, shape (N, 3), that are linked by steps of up to `segment.tolerance` metres.
 
     Gives the indices of each group that has `segment.min_points` to `segment.max_points` of them.
     """
 
+@disjoint_base
 class Descriptor:
     """Turns segments into rows of numbers, a batch at a time: one of `DESCRIPTORS` by name."""
 
@@ -509,7 +511,7 @@ class XConv(Descriptor):
     """The learned descriptor with the weights of a file (`python/train/WEIGHTS.md`), such as weights you have trained."""
 
     @staticmethod
-    def open(path: StrPath) -> XConv:
+    def open(path: _StrPath) -> XConv:
         """Open a weights file (`.safetensors`)."""
 
     @staticmethod
@@ -540,11 +542,11 @@ class Descriptions:
         """Numbers a segment."""
 
     @property
-    def values(self) -> Float32:
+    def values(self) -> _Float32:
         """Descriptors, shape (N, dim), in the order of the segments."""
 
     @property
-    def quality(self) -> Float32:
+    def quality(self) -> _Float32:
         """The probability, 0 to 1, that a descriptor is good for matching, shape (N,)."""
 
     @property
@@ -577,11 +579,11 @@ class Standardizer:
     """Brings descriptors to a map's scale: a row becomes `(row - mean) * inv_std`."""
 
     @property
-    def mean(self) -> Float32:
+    def mean(self) -> _Float32:
         """Mean of each dimension, shape (dim,)."""
 
     @property
-    def inv_std(self) -> Float32:
+    def inv_std(self) -> _Float32:
         """One over the standard deviation of each dimension, shape (dim,); 0 where it is constant."""
 
     def apply(self, descriptions: Descriptions) -> Descriptions:
@@ -595,10 +597,10 @@ class Map:
     """
 
     @staticmethod
-    def open(path: StrPath) -> Map:
+    def open(path: _StrPath) -> Map:
         """Open a map file and verify all of it but the points, which are verified before they are used."""
 
-    def write(self, path: StrPath) -> None:
+    def write(self, path: _StrPath) -> None:
         """Write the map file, whole or not at all. The same map gives the same bytes."""
 
     def verify_points(self) -> None:
@@ -608,7 +610,7 @@ class Map:
         """Raise `DescriptorMismatchError` unless live rows of this descriptor may be compared with the map's."""
 
     @property
-    def origin(self) -> Float64:
+    def origin(self) -> _Float64:
         """Where the float32 coordinates are counted from, shape (3,), metres, map frame."""
 
     @property
@@ -624,40 +626,40 @@ class Map:
         """Brings live descriptors to the scale of the stored ones; None where that is not needed."""
 
     @property
-    def centroids(self) -> Float32:
+    def centroids(self) -> _Float32:
         """The segments' centroids, shape (S, 3), metres, relative to the origin."""
 
     @property
-    def extents(self) -> Float32:
+    def extents(self) -> _Float32:
         """Sizes of the segments' axis-aligned boxes, shape (S, 3), metres."""
 
     @property
-    def observations(self) -> UInt32:
+    def observations(self) -> _UInt32:
         """Windows of the recording that each segment was seen in, shape (S,)."""
 
     @property
-    def descriptors(self) -> Float32:
+    def descriptors(self) -> _Float32:
         """Descriptors, shape (S, dim), already standardised."""
 
     @property
-    def quality(self) -> Float32:
+    def quality(self) -> _Float32:
         """The probability, 0 to 1, that a descriptor is good for matching, shape (S,)."""
 
-    def segment_points(self, segment: SupportsIndex) -> Float32:
+    def segment_points(self, segment: SupportsIndex) -> _Float32:
         """Give one segment's points, shape (N, 3), metres, relative to the origin."""
 
     @property
     def ground_tiles(self) -> int:
         """Number of ground tiles."""
 
-    def ground_tile_points(self, tile: SupportsIndex) -> Float32:
+    def ground_tile_points(self, tile: SupportsIndex) -> _Float32:
         """Give one ground tile's points, shape (N, 3), metres, relative to the origin."""
 
     @property
     def structure_tiles(self) -> int:
         """Number of structure tiles."""
 
-    def structure_tile_points(self, tile: SupportsIndex) -> Float32:
+    def structure_tile_points(self, tile: SupportsIndex) -> _Float32:
         """Give one structure tile's points, shape (N, 3), metres, relative to the origin."""
 
     @property
@@ -665,7 +667,7 @@ class Map:
         """Number of points, of segments and tiles."""
 
     @property
-    def path(self) -> Float64:
+    def path(self) -> _Float64:
         """The path the map was recorded along, shape (P, 3), metres, map frame; empty for a map of a prior cloud."""
 
     @property
@@ -673,7 +675,7 @@ class Map:
         """The 5 m cells of the map frame that hold points of a prior cloud, shape (C, 2); empty for a map of a path."""
 
     @property
-    def bounds(self) -> tuple[Float64, Float64]:
+    def bounds(self) -> tuple[_Float64, _Float64]:
         """Lower and upper corner of the box around all points, shape (3,) each, metres, map frame."""
 
     @property
@@ -724,7 +726,7 @@ class Index:
     """An index over descriptors, shape (N, dim): by k-d tree, by matrix product, or the faster of the two."""
 
     def __new__(cls, descriptors: ArrayLike, search: Literal["auto", "tree", "product"] = "auto") -> Self: ...
-    def nearest(self, queries: ArrayLike, k: int, *, threads: int | None = None) -> tuple[UInt32, Float32]:
+    def nearest(self, queries: ArrayLike, k: int, *, threads: int | None = None) -> tuple[_UInt32, _Float32]:
         """Find for every query, shape (M, dim), the k nearest rows: their numbers and squared L2 distances.
 
         Both have shape (M, k), nearest first, k at most the number of rows.
@@ -741,27 +743,27 @@ class Candidates:
     """Candidate matches of a cloud, best first: a live segment, a map segment it may be, and how good that looks."""
 
     @property
-    def live(self) -> UInt32:
+    def live(self) -> _UInt32:
         """Index of the live segment, shape (C,)."""
 
     @property
-    def map(self) -> UInt32:
+    def map(self) -> _UInt32:
         """Index of the map segment, shape (C,)."""
 
     @property
-    def distance(self) -> Float32:
+    def distance(self) -> _Float32:
         """Squared L2 distance of the descriptors, shape (C,)."""
 
     @property
-    def quality(self) -> Float32:
+    def quality(self) -> _Float32:
         """Probability that both descriptors are good for matching, shape (C,)."""
 
     @property
-    def live_centroids(self) -> Float32:
+    def live_centroids(self) -> _Float32:
         """Centroids of the live segments, shape (C, 3), metres, sensor frame."""
 
     @property
-    def map_centroids(self) -> Float32:
+    def map_centroids(self) -> _Float32:
         """Centroids of the map segments, shape (C, 3), metres, relative to the map's origin."""
 
     def __len__(self) -> int: ...
@@ -785,11 +787,11 @@ class Hypothesis:
     """A place the cloud may have been taken at."""
 
     @property
-    def pose_origin_sensor(self) -> Float64:
+    def pose_origin_sensor(self) -> _Float64:
         """Pose of the live sensor, shape (4, 4), relative to the map's origin."""
 
     @property
-    def inliers(self) -> UInt32:
+    def inliers(self) -> _UInt32:
         """The candidates that agree with it, by their index, shape (I,)."""
 
 def search(candidates: Candidates, config: Config | None = None, *, threads: int | None = None) -> list[Hypothesis]:
@@ -833,11 +835,11 @@ class Localization:
         """Why the cloud was not located."""
 
     @property
-    def pose_map_sensor(self) -> Float64 | None:
+    def pose_map_sensor(self) -> _Float64 | None:
         """Pose of the newest sensor frame in the map, shape (4, 4); where the verdict is `ambiguous` it is a guess."""
 
     @property
-    def covariance(self) -> Float64 | None:
+    def covariance(self) -> _Float64 | None:
         """Shape (6, 6), order x y z rx ry rz in m and rad: of a right perturbation in the sensor frame."""
 
     @property
@@ -865,7 +867,7 @@ class Localization:
         """The same for the best other place, 0 where there is none."""
 
     @property
-    def runner_up_pose_map_sensor(self) -> Float64 | None:
+    def runner_up_pose_map_sensor(self) -> _Float64 | None:
         """The pose of that other place, shape (4, 4)."""
 
     @property
@@ -889,11 +891,11 @@ class MatchedSegment:
         """Index of the map segment."""
 
     @property
-    def live_centroid_sensor(self) -> Float32:
+    def live_centroid_sensor(self) -> _Float32:
         """Centroid of the live segment, shape (3,), metres, sensor frame."""
 
     @property
-    def map_centroid_map(self) -> Float64:
+    def map_centroid_map(self) -> _Float64:
         """Centroid of the map segment, shape (3,), metres, map frame."""
 
 @final
@@ -937,11 +939,11 @@ class LoopClosure:
         """Seconds: the newest sweep of the cloud that was recognised."""
 
     @property
-    def pose_from_to(self) -> Float64:
+    def pose_from_to(self) -> _Float64:
         """Pose of the sensor at `stamp_to` in the sensor frame of `stamp_from`, shape (4, 4)."""
 
     @property
-    def covariance(self) -> Float64 | None:
+    def covariance(self) -> _Float64 | None:
         """Shape (6, 6), order x y z rx ry rz in m and rad: of a right perturbation in the sensor frame of `stamp_to`."""
 
 @final
@@ -1028,7 +1030,7 @@ class Summary:
 def simulate(
     preset: str | Preset,
     seed: int,
-    directory: StrPath,
+    directory: _StrPath,
     *,
     scale: float = 1.0,
     force: bool = False,
@@ -1048,11 +1050,11 @@ class Found:
     """A segment of a live cloud with the object it shows."""
 
     @property
-    def points(self) -> Float32:
+    def points(self) -> _Float32:
         """Points, shape (N, 3), metres about `centroid_map`, axes of the map frame."""
 
     @property
-    def centroid_map(self) -> Float64:
+    def centroid_map(self) -> _Float64:
         """Mean of the points, shape (3,), metres, map frame."""
 
     @property
@@ -1126,7 +1128,7 @@ class SegmentSetWriter:
     """
 
     def __new__(
-        cls, target: StrPath, *, places: list[str], classes: list[str], voxel_m: float, source: str = ""
+        cls, target: _StrPath, *, places: list[str], classes: list[str], voxel_m: float, source: str = ""
     ) -> Self: ...
     def push(
         self,
@@ -1138,12 +1140,12 @@ class SegmentSetWriter:
         visit: int = 0,
         place: int = 0,
         object_class: int = 255,
-        above_ground: float = ...,
+        above_ground: float | None = None,
     ) -> None:
         """Append a segment.
 
         `points`: shape (N, 3), metres about `centroid_map`, shape (3,), metres, map frame. `object`: its identity, unique in
-        its place, -1 where unknown. `observation`: the live cloud's number in the set. `above_ground`: metres, NaN unknown.
+        its place, -1 where unknown. `observation`: the live cloud's number in the set. `above_ground`: metres.
         """
 
     def finish(self) -> int:
