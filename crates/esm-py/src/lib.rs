@@ -2,7 +2,7 @@
 //! and descriptors. Nothing is computed here.
 //!
 //! What Python sees is described in `python/esm_py/_native.pyi`. Heavy work runs detached from the interpreter
-//! ([`work`]); the crates' errors are exceptions of classes of their own ([`failure`]).
+//! (`work.rs`); the crates' errors are exceptions of classes of their own (`failure.rs`).
 
 #![cfg_attr(not(test), warn(clippy::unwrap_used))]
 

@@ -170,7 +170,7 @@ impl Sweeps {
             let class = py.import("esm_py.errors")?.getattr("RecordingWarning")?.cast_into::<PyType>()?;
             let warn = py.import("warnings")?.getattr("warn")?;
             for text in warnings {
-                warn.call1((text, &class, 2))?;
+                warn.call1((text, &class))?;
             }
         }
         Ok(sweep.map(Sweep::new))

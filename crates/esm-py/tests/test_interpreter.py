@@ -60,7 +60,7 @@ except KeyboardInterrupt:
 
 
 def test_an_interrupted_simulation_can_go_on(tmp_path: Path) -> None:
-    script = "import sys, esm_py; print('begin', flush=True); esm_py.simulate('train-forest', 3, sys.argv[1], scale=0.1)"
+    script = "import sys, esm_py; print('begin', flush=True); esm_py.simulate('train-forest', 3, sys.argv[1], scale=0.05)"
     with subprocess.Popen(
         [sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as run:
@@ -70,8 +70,8 @@ def test_an_interrupted_simulation_can_go_on(tmp_path: Path) -> None:
         _, told = run.communicate()
     assert "KeyboardInterrupt" in told
     assert (tmp_path / "unfinished.toml").exists() and (tmp_path / ".map.mcap.part").exists()
-    made = esm_py.simulate("train-forest", 3, tmp_path, scale=0.1)
-    assert made.sweeps == 400
+    made = esm_py.simulate("train-forest", 3, tmp_path, scale=0.05)
+    assert made.sweeps == 200
 
 
 def busy_work(world: World, folder: Path) -> dict[str, Callable[[], Any]]:
@@ -84,7 +84,7 @@ def busy_work(world: World, folder: Path) -> dict[str, Callable[[], Any]]:
         "segment": lambda: esm_py.segment(big),
         "localize": lambda: [localizer.localize(cloud) for _ in range(20)],
         "iterate": lambda: list(world.recording("map")),
-        "open": lambda: [esm_py.Map.open(world.map_file) for _ in range(10)],
+        "open": lambda: [esm_py.Map.open(world.map_file) for _ in range(500)],
     }
 
 

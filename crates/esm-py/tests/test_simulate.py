@@ -38,15 +38,15 @@ def test_the_command_lines_bytes_on_any_number_of_threads(cli: Cli, tmp_path: Pa
 
 
 def test_stopped_and_gone_on_with(tmp_path: Path) -> None:
-    esm_py.simulate("train-forest", 7, tmp_path / "whole", scale=0.06, threads=1)
+    esm_py.simulate("train-forest", 7, tmp_path / "whole", scale=0.03, threads=1)
 
     def stop(progress: esm_py.Progress) -> bool:
         return progress.done < 10
 
     with pytest.raises(InterruptedSimulationError, match="hint: run it again"):
-        esm_py.simulate("train-forest", 7, tmp_path / "part", scale=0.06, progress=stop)
+        esm_py.simulate("train-forest", 7, tmp_path / "part", scale=0.03, progress=stop)
     assert (tmp_path / "part" / "unfinished.toml").exists()
-    made = esm_py.simulate("train-forest", 7, tmp_path / "part", scale=0.06)
+    made = esm_py.simulate("train-forest", 7, tmp_path / "part", scale=0.03)
     assert made.kept > 0 and contents(tmp_path / "part") == contents(tmp_path / "whole")
 
 

@@ -149,6 +149,44 @@ impl MapBuilder {
     /// The same with a descriptor of your own, such as [`XConv`](crate::describe::XConv) with weights you trained, in the
     /// place of the configured one.
     ///
+    /// ```
+    /// use std::sync::Arc;
+    /// use esm_core::segment::Segment;
+    /// use esm_core::{Config, Descriptions, Descriptor, Error, Localizer, MapBuilder, PointCloud};
+    ///
+    /// struct Height;
+    ///
+    /// impl Descriptor for Height {
+    ///     fn name(&self) -> &'static str {
+    ///         "height"
+    ///     }
+    ///     fn version(&self) -> u32 {
+    ///         1
+    ///     }
+    ///     fn dim(&self) -> usize {
+    ///         1
+    ///     }
+    ///     fn describe(&self, segments: &[Segment]) -> Descriptions {
+    ///         let values = segments.iter().map(|s| s.max[2] - s.min[2]).collect();
+    ///         Descriptions { dim: 1, values, quality: vec![1.0; segments.len()], ..Default::default() }
+    ///     }
+    /// }
+    ///
+    /// let config = Config::default();
+    /// let mut builder = MapBuilder::with_descriptor(&config, Arc::new(Height))?;
+    /// # let floor = (0..10_000).map(|i| [(i % 100) as f32 * 0.2, (i / 100) as f32 * 0.2, 0.0]);
+    /// # let column = (0..360).map(|i| [10.0 + (i % 6) as f32 * 0.2, 10.0 + (i / 6 % 6) as f32 * 0.2, (i / 36) as f32 * 0.2]);
+    /// # let site = PointCloud::try_new(floor.chain(column).collect())?;
+    /// builder.push_prior_cloud([0.0; 3], &site)?;
+    /// let map = Arc::new(builder.finish()?);
+    /// assert_eq!(map.descriptor_info().name, "height");
+    /// assert!((map.descriptor(0)[0] - 1.5).abs() < 0.4);
+    /// // Such a map is searched with the same descriptor, and with no other.
+    /// assert!(Localizer::with_descriptor(Arc::clone(&map), &config, Arc::new(Height)).is_ok());
+    /// assert!(matches!(Localizer::new(map, &config), Err(Error::DescriptorMismatch { .. })));
+    /// # Ok::<(), Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error::Config`].
     pub fn with_descriptor(config: &Config, descriptor: Arc<dyn Descriptor>) -> Result<Self, Error> {
