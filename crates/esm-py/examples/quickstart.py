@@ -25,11 +25,10 @@ answers = [localizer.localize(cloud) for cloud in clouds[::4] if cloud is not No
 poses = [a.pose_map_sensor for a in answers if a.located and a.pose_map_sensor is not None]
 print(f"{len(poses)} of {len(answers)} clouds located")
 
-segments = map.centroids + map.origin
+segments, found = map.centroids + map.origin, np.array([pose[:2, 3] for pose in poses])
 plt.scatter(segments[:, 0], segments[:, 1], s=2, c="silver", label="map segments")
-plt.plot(map.path[:, 0], map.path[:, 1], c="tab:blue", label="mapped path")
-found = np.array([pose[:2, 3] for pose in poses])
-plt.scatter(found[:, 0], found[:, 1], c="tab:green", zorder=3, label="located")
-plt.gca().set_aspect("equal")
+plt.plot(map.path[:, 0], map.path[:, 1], lw=6, alpha=0.4, label="mapped path")
+plt.plot(found[:, 0], found[:, 1], "g.", label="located")
+plt.gca().set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
 plt.legend()
 plt.savefig("wood.png", dpi=150)

@@ -19,7 +19,7 @@ import esm_py
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
-CONFIG = esm_py.Config({"accumulate": {"distance_m": 8.0}, "match": {"k": 10}})
+CONFIG = esm_py.Config({"descriptor": "shape", "accumulate": {"distance_m": 8.0}, "match": {"k": 10}})
 """Clouds of 8 m find themselves in a map of 60 m."""
 
 

@@ -379,6 +379,7 @@ def test_loops_are_the_command_lines(world: World, cli: Cli, tmp_path: Path) -> 
         answer = finder.push(cloud)
         if answer is not None and answer.closure is not None:
             assert answer.localization.located
+            assert repr(answer).startswith("LoopAnswer(localization=Localization(") and "closure=LoopClosure(" in repr(answer)
             closures.append(answer.closure)
     assert len(closures) > 5
     for closure in closures:
