@@ -55,8 +55,9 @@ except KeyboardInterrupt:
         assert run.stdout.readline() == "interrupted\n"
         waited = time.monotonic() - pressed
         run.kill()
-    # A simulation is waited for until its batch of sweeps is done, on a busy machine too.
-    assert waited < (5.0 if what == "simulate" else 1.0), f"{waited:.2f} s"
+    # On an idle machine a twentieth of a second, and up to one for a simulation, whose batch of sweeps is waited for.
+    # Busy ones are given time; the work itself would take minutes.
+    assert waited < (15.0 if what == "simulate" else 3.0), f"{waited:.2f} s"
 
 
 def test_an_interrupted_simulation_can_go_on(tmp_path: Path) -> None:
@@ -108,9 +109,9 @@ def test_other_threads_run_meanwhile(what: str, world: World, tmp_path: Path) ->
     ticking.join()
     inside = [t for t in ticks if began <= t <= began + took]
     # Held throughout, the interpreter would have let the other thread in a few times at most.
-    assert len(inside) > 20 * took, f"{len(inside)} ticks in {took:.2f} s"
+    assert len(inside) > 5 * took, f"{len(inside)} ticks in {took:.2f} s"
     longest = max(np.diff([began, *inside, began + took]))
-    assert longest < max(0.5, 0.5 * took), f"{longest:.2f} s of {took:.2f} s without a tick"
+    assert longest < max(1.5, 0.6 * took), f"{longest:.2f} s of {took:.2f} s without a tick"
 
 
 def test_several_threads_may_use_one_object(world: World) -> None:
