@@ -20,7 +20,8 @@ const HEAD: &str = "\
 const MEANINGS: &[(&str, &str)] = &[
     (
         "descriptor",
-        "How segments are described: \"shape\" (eigenvalue features and metric size) or \"eigen\" (the features alone).",
+        "How segments are described: by \"shape\" (eigenvalue features and metric size) or \"eigen\" (the features alone), by \
+         the network \"esm-swift\", or by a network of your own: a weights file (*.safetensors).",
     ),
     ("seed", "Seed of everything random: the same seed gives the same bits, with any number of threads."),
     ("accumulate", "From sweeps to live clouds."),

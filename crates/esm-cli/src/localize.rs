@@ -38,7 +38,7 @@ pub(crate) fn localize(args: &LocalizeArgs, lines: Lines) -> anyhow::Result<Foun
     check_outputs(args)?;
     let Settings { mut config, descriptor_given } = settings::configure(&args.tune, &args.live)?;
     let map = Arc::new(Map::open(&args.map)?);
-    if !descriptor_given && describe::by_name(&map.descriptor_info().name).is_ok() {
+    if !descriptor_given && describe::NAMES.contains(&map.descriptor_info().name.as_str()) {
         config.descriptor.clone_from(&map.descriptor_info().name);
     }
     warn_of_other_segments(&map, &config);

@@ -29,13 +29,14 @@ pub(crate) fn configure(tune: &TuneArgs, live: &LiveArgs) -> anyhow::Result<Sett
         None => (Config::default(), false),
     };
     if let Some(name) = &tune.descriptor {
-        if !describe::NAMES.contains(&name.as_str()) {
-            return Err(Failure::new(
+        describe::by_name(name).map_err(|e| match e {
+            esm_core::Error::Config { .. } => Failure::new(
                 format!("--descriptor {name}: there is no such descriptor"),
-                format!("there are {}", describe::NAMES.join(", ")),
+                format!("there are {}, and weights files (*.safetensors)", describe::NAMES.join(", ")),
             )
-            .into());
-        }
+            .into(),
+            e => anyhow::Error::from(e),
+        })?;
         config.descriptor.clone_from(name);
     }
     if let Some(seed) = tune.seed {
@@ -156,7 +157,10 @@ mod tests {
         }
         let tune = TuneArgs { descriptor: Some("magic".into()), ..Default::default() };
         let error = configure(&tune, &LiveArgs::default()).unwrap_err().to_string();
-        assert_eq!(error, "--descriptor magic: there is no such descriptor\nhint: there are shape, eigen");
+        assert_eq!(
+            error,
+            "--descriptor magic: there is no such descriptor\nhint: there are shape, eigen, esm-swift, and weights files (*.safetensors)"
+        );
         let tune = TuneArgs { threads: Some(0), ..Default::default() };
         assert!(configure(&tune, &LiveArgs::default()).unwrap_err().to_string().starts_with("--threads 0"));
     }

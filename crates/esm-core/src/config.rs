@@ -15,7 +15,7 @@ use crate::verify::VerifyConfig;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Name of the descriptor, one of [`describe::NAMES`].
+    /// Name of the descriptor, one of [`describe::NAMES`], or the path of a weights file (`*.safetensors`).
     pub descriptor: String,
     /// Seed of everything random: the same seed gives the same bits.
     pub seed: u64,
@@ -55,7 +55,7 @@ impl Config {
     /// # Errors
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
-        describe::by_name(&self.descriptor)?;
+        describe::check_name(&self.descriptor)?;
         self.accumulate.check()?;
         self.segment.check()?;
         self.matching.check()?;

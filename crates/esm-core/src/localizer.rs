@@ -45,7 +45,7 @@ impl Localizer {
     /// # Errors
     /// [`Error::Config`], [`Error::DescriptorMismatch`].
     pub fn new(map: Arc<Map>, config: &Config) -> Result<Self, Error> {
-        Self::with_descriptor(map, config, describe::by_name(&config.descriptor)?.into())
+        Self::with_descriptor(map, config, describe::by_name(&config.descriptor)?)
     }
 
     /// The same with a descriptor of your own in the place of the configured one: the one the map was built with.

@@ -65,7 +65,7 @@ impl LoopFinder {
     /// # Errors
     /// [`Error::Config`].
     pub fn new(config: &Config) -> Result<Self, Error> {
-        Self::with_descriptor(config, describe::by_name(&config.descriptor)?.into())
+        Self::with_descriptor(config, describe::by_name(&config.descriptor)?)
     }
 
     /// The same with a descriptor of your own in the place of the configured one.

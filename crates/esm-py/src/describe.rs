@@ -33,7 +33,7 @@ pub(crate) fn given(descriptor: Option<&Bound<'_, Descriptor>>) -> Option<Arc<dy
 impl Descriptor {
     #[new]
     fn new(name: &str) -> PyResult<Self> {
-        Ok(Self { inner: describe::by_name(name).map_err(Failure::from)?.into() })
+        Ok(Self { inner: describe::by_name(name).map_err(Failure::from)? })
     }
 
     /// Its name, as in `--descriptor NAME`.

@@ -1,5 +1,6 @@
 //! Describing segments: a row of numbers for each, and the chance that it is good for matching.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::error::Error;
@@ -23,7 +24,7 @@ pub struct Descriptions {
 /// Rows must depend on their own segment's points only, never on the other segments of the batch, and be the same
 /// bits whatever the number of threads.
 pub trait Descriptor: Send + Sync {
-    /// Name, as in `--descriptor NAME`.
+    /// Name, as in `--descriptor NAME`; networks of any weights have the name of their variant.
     fn name(&self) -> &'static str;
     /// Raised whenever the numbers change, so that maps of an older version are refused.
     fn version(&self) -> u32;
@@ -47,18 +48,38 @@ pub use shape::Shape;
 pub use xconv::XConv;
 
 /// The descriptors by name, the default first.
-pub const NAMES: [&str; 2] = ["shape", "eigen"];
+pub const NAMES: [&str; 3] = ["shape", "eigen", "esm-swift"];
 
-/// The descriptor called `name`, as in `--descriptor NAME`.
+/// Ending of the name of a weights file.
+const WEIGHTS: &str = ".safetensors";
+
+/// The descriptor called `name`, as in `--descriptor NAME`: one of [`NAMES`], or the path of a weights file
+/// (`*.safetensors`) that `esm-train export` has written.
 ///
 /// # Errors
-/// [`Error::Config`] for a name that is not in [`NAMES`].
-pub fn by_name(name: &str) -> Result<Box<dyn Descriptor>, Error> {
-    match name {
-        "shape" => Ok(Box::new(Shape)),
-        "eigen" => Ok(Box::new(Eigen)),
-        _ => {
-            Err(Error::Config { field: "descriptor", value: name.to_owned(), allowed: "one of shape, eigen" })
-        }
+/// [`Error::Config`] for a name that is neither; as [`XConv::open`] for a file.
+///
+/// ```
+/// let network = esm_core::describe::by_name("esm-swift")?;
+/// assert_eq!((network.name(), network.dim()), ("esm-swift", 22));
+/// # Ok::<(), esm_core::Error>(())
+/// ```
+pub fn by_name(name: &str) -> Result<Arc<dyn Descriptor>, Error> {
+    check_name(name)?;
+    let network = |bytes| XConv::from_bytes(bytes, name);
+    Ok(match name {
+        "shape" => Arc::new(Shape),
+        "eigen" => Arc::new(Eigen),
+        "esm-swift" => Arc::new(network(esm_weights::ESM_SWIFT)?),
+        path => Arc::new(XConv::open(path)?),
+    })
+}
+
+/// Checks a name without opening anything.
+pub(crate) fn check_name(name: &str) -> Result<(), Error> {
+    if NAMES.contains(&name) || name.ends_with(WEIGHTS) {
+        return Ok(());
     }
+    let allowed = "one of shape, eigen, esm-swift, or a weights file (*.safetensors)";
+    Err(Error::Config { field: "descriptor", value: name.to_owned(), allowed })
 }

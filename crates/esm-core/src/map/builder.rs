@@ -143,7 +143,7 @@ impl MapBuilder {
     /// # Errors
     /// [`Error::Config`].
     pub fn new(config: &Config) -> Result<Self, Error> {
-        Self::with_descriptor(config, describe::by_name(&config.descriptor)?.into())
+        Self::with_descriptor(config, describe::by_name(&config.descriptor)?)
     }
 
     /// The same with a descriptor of your own, such as [`XConv`](crate::describe::XConv) with weights you trained, in the

@@ -10,7 +10,7 @@ use super::problem::Problem;
 use super::records::{MetaRecord, PointRun, SegmentRecord};
 use super::standardizer::Standardizer;
 use super::{check, read, write};
-use crate::describe::Descriptor;
+use crate::describe::{self, Descriptor, NAMES};
 use crate::error::Error;
 
 /// A prior map: checked, immutable, and the same to use whether it was just gathered or lies in a file.
@@ -163,9 +163,14 @@ impl Map {
             |name: &str, version: u32, dim: usize| format!("{name} (version {version}, {dim} numbers)");
         // Another name helps only where this very descriptor can still be made.
         let makes = |o: &dyn Descriptor| o.version() == d.version && o.dim() == d.dim as usize;
-        let hint = match crate::describe::by_name(&d.name) {
-            Ok(own) if d.name != descriptor.name() && makes(&*own) => {
+        let known = NAMES.contains(&d.name.as_str());
+        let hint = match describe::by_name(&d.name) {
+            Ok(own) if known && d.name != descriptor.name() && makes(&*own) => {
                 format!("use --descriptor {}, or rebuild the map", d.name)
+            }
+            _ if d.name.starts_with("esm") => {
+                "name the weights file it was built with (--descriptor FILE.safetensors), or rebuild the map"
+                    .to_owned()
             }
             _ => "rebuild the map".to_owned(),
         };

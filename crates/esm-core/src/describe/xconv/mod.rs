@@ -6,6 +6,8 @@
 
 mod architecture;
 #[cfg(test)]
+mod golden;
+#[cfg(test)]
 mod naive;
 mod neighbours;
 mod network;
