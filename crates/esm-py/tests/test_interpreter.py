@@ -24,6 +24,8 @@ BIG = """
     rng = np.random.default_rng(1)
     big = np.c_[rng.uniform(-300, 300, (8_000_000, 2)), rng.uniform(0, 20, 8_000_000)].astype(np.float32)
 """
+# A shell's background jobs are started deaf to Ctrl-C, and hand that on.
+LISTENING = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
 LONG = {
     "simulate": "esm_py.simulate('train-urban', 5, folder, scale=4.0)",
     "segment": "[esm_py.segment(big, config) for _ in range(100)]",
@@ -35,6 +37,7 @@ LONG = {
 @pytest.mark.parametrize("what", LONG)
 def test_ctrl_c_is_heard(what: str, world: World, tmp_path: Path) -> None:
     script = f"""
+{LISTENING}
 import sys, time, esm_py
 folder, world = sys.argv[1:]
 config = esm_py.Config({{"segment": {{"voxel": 0.05, "tolerance": 2.0}}}})
@@ -61,7 +64,12 @@ except KeyboardInterrupt:
 
 
 def test_an_interrupted_simulation_can_go_on(tmp_path: Path) -> None:
-    script = "import sys, esm_py; print('begin', flush=True); esm_py.simulate('train-forest', 3, sys.argv[1], scale=0.05)"
+    script = f"""
+{LISTENING}
+import sys, esm_py
+print('begin', flush=True)
+esm_py.simulate('train-forest', 3, sys.argv[1], scale=0.05)
+"""
     with subprocess.Popen(
         [sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as run:
