@@ -218,7 +218,9 @@ mod tests {
     #[test]
     fn lines_across_the_way_have_labels_too() {
         let accumulate = AccumulateConfig { distance_m: 10.0, ..AccumulateConfig::default() };
-        let mut surveyor = Surveyor::new(&accumulate, &SegmentConfig::default(), 10.0).unwrap();
+        // Voxels as fine as the posts' points: every line that is left out would be missed.
+        let segments = SegmentConfig { voxel: 0.1, ..SegmentConfig::default() };
+        let mut surveyor = Surveyor::new(&accumulate, &segments, 10.0).unwrap();
         let (scene, labels) = sweep(0.0);
         let mut found = None;
         for n in 0..500 {
