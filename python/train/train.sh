@@ -2,7 +2,8 @@
 # Everything from nothing: the worlds, the labelled segments, the networks, the weights in ../../weights and their golden
 # activations:
 #   python/train/train.sh
-# On two cores: half an hour for the data, some hours for the networks. What was interrupted goes on when it is called again.
+# Hours on two cores; it has not been timed from nothing yet. What was interrupted goes on when it is called again. esm-paper is
+# not among them yet: configs/esm-paper.toml is where it would start.
 set -euo pipefail
 cd "$(dirname "$0")"
 if [[ -z ${ESM_CLI:-} ]]; then

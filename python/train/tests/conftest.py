@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,16 @@ from esm_train.plan import tiny_plan
 from esm_train.synthetic import write_synthetic
 
 torch.set_num_threads(1)
+
+
+def needed(variable: str) -> str:
+    """The program that an environment variable names; in CI it must."""
+    program = os.environ.get(variable)
+    if program is None:
+        if os.environ.get("CI") == "true":
+            pytest.fail(f"{variable} must name the program")
+        pytest.skip(f"{variable} does not name the program")
+    return program
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from conftest import needed
 
 from esm_train.golden import write_answers, write_golden
 from esm_train.validation import open_corpus
@@ -17,16 +18,6 @@ from esm_train.weights import load_network
 REPOSITORY = Path(__file__).parents[3]
 SHARED = Path(os.environ.get("ESM_SHARED_DATA", REPOSITORY.parent / "shared" / "data"))
 TOLERANCE = 1e-4
-
-
-def needed(variable: str) -> str:
-    """The program that an environment variable names; in CI it must."""
-    program = os.environ.get(variable)
-    if program is None:
-        if os.environ.get("CI") == "true":
-            pytest.fail(f"{variable} must name the program")
-        pytest.skip(f"{variable} does not name the program")
-    return program
 
 
 def differences(weights: Path, golden: Path, program: str) -> dict[str, float]:
