@@ -44,14 +44,14 @@ fn main() -> Result<(), Failure> {
     let bytes = std::fs::read(golden)?;
     let file = SafeTensors::deserialize(&bytes)?;
     let points = numbers(&file, "points")?;
-    let sizes = if file.names().contains(&"sizes") { numbers(&file, "sizes")? } else { Vec::new() };
-    let sizes: Vec<f64> = sizes.into_iter().map(f64::from).collect();
+    let measures = if file.names().contains(&"measures") { numbers(&file, "measures")? } else { Vec::new() };
+    let measures: Vec<f64> = measures.into_iter().map(f64::from).collect();
     let points = points.as_chunks::<3>().0;
-    let mut described = network.describe_normalised(points, &sizes);
+    let mut described = network.describe_normalised(points, &measures);
     let mut seconds = Vec::new();
     for _ in 0..repeat {
         let start = Instant::now();
-        described = network.describe_normalised(points, &sizes);
+        described = network.describe_normalised(points, &measures);
         seconds.push(start.elapsed().as_secs_f64());
     }
     let report = serde_json::json!({

@@ -28,26 +28,27 @@ FRAMES, RANGE_M, CELL_M, ABOVE_M = 10, 50.0, 5.0, 0.4
 CONFIG = esm_py.Config({"segment": {"voxel": 0.2, "tolerance": 0.5, "min_points": 40, "max_points": 15000}})
 
 
-def standing(points: np.ndarray) -> np.ndarray:
-    """What is more than 0.4 m above the lowest point of its cell; z up."""
+def standing(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What is more than 0.4 m above the lowest point of its cell, and what is not; z up."""
     cells = np.floor(points[:, :2] / CELL_M).astype(np.int64)
     _, cell = np.unique(cells, axis=0, return_inverse=True)
     cell = cell.ravel()
     lowest = np.full(cell.max() + 1, np.inf)
     np.minimum.at(lowest, cell, points[:, 2])
-    return points[points[:, 2] > lowest[cell] + ABOVE_M]
+    above = points[:, 2] > lowest[cell] + ABOVE_M
+    return points[above], points[~above]
 
 
-def segments(window: deque[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
-    """Segments of accumulated frames (points, pose_odom_sensor) in the newest sensor's frame, (n, 3) each."""
+def segments(window: deque[tuple[np.ndarray, np.ndarray]]) -> list[esm_py.Segment]:
+    """Segments of accumulated frames (points, pose_odom_sensor) in the newest sensor's frame."""
     newest = np.linalg.inv(window[-1][1])
     parts = []
     for points, pose in window:
         near = points[np.linalg.norm(points, axis=1) <= RANGE_M]
         to_newest = newest @ pose
         parts.append(near @ to_newest[:3, :3].T + to_newest[:3, 3])
-    cloud = standing(esm_py.voxel_filter(np.concatenate(parts), CONFIG).astype(np.float64))
-    return [cloud[np.asarray(indices, np.int64)] for indices in esm_py.euclidean_clusters(cloud, CONFIG)]
+    cloud, ground = standing(esm_py.voxel_filter(np.concatenate(parts), CONFIG))
+    return esm_py.segments_of(cloud, esm_py.euclidean_clusters(cloud, CONFIG), ground)
 
 
 def cut(recording: Path, truth: Path | None, first: int, wanted: range, target: Path, visit: int) -> None:
@@ -62,10 +63,13 @@ def cut(recording: Path, truth: Path | None, first: int, wanted: range, target: 
             if number not in wanted or len(window) < FRAMES:
                 continue
             pose = poses[sweep.stamp_ns] if truth else sweep.pose_odom_sensor
-            for points in segments(window):
+            for segment in segments(window):
+                points = segment.points.astype(np.float64)
                 centroid = points.mean(axis=0)
                 turned = (points - centroid) @ pose[:3, :3].T
-                out.push(turned, pose[:3, :3] @ centroid + pose[:3, 3], object=-1, observation=number, visit=visit)
+                about = {"above_ground": segment.above_ground, "rings": segment.rings}
+                place = pose[:3, :3] @ centroid + pose[:3, 3]
+                out.push(turned, place, object=-1, observation=number, visit=visit, **about)
                 count += 1
     print(f"{target}: {count} segments of {len(wanted)} clouds")
 

@@ -2,8 +2,7 @@
 # Everything from nothing: the worlds, the labelled segments, the networks, the weights in ../../weights and their golden
 # activations:
 #   python/train/train.sh
-# Hours on two cores; it has not been timed from nothing yet. What was interrupted goes on when it is called again. esm-paper is
-# not among them yet: configs/esm-paper.toml is where it would start.
+# Hours on two cores; it has not been timed from nothing yet. What was interrupted goes on when it is called again.
 set -euo pipefail
 cd "$(dirname "$0")"
 if [[ -z ${ESM_CLI:-} ]]; then
@@ -18,8 +17,14 @@ train() {
     [[ -e runs/$1/latest.pt ]] && resume=(--resume)
     uv run torchrun --standalone --nproc-per-node "$(nproc)" -m esm_train "$2" --config "configs/$1.toml" "${resume[@]}"
 }
+golden() {
+    uv run esm-train golden --segments 12 --weights "../../weights/$1.safetensors" -o "../../weights/golden/$1.safetensors"
+}
 train start train
 for network in esm-swift esm; do
     train "$network" run
-    uv run esm-train golden --segments 12 --weights "../../weights/$network.safetensors" -o "../../weights/golden/$network.safetensors"
+    golden "$network"
 done
+train esm-paper-start train
+train esm-paper run
+golden esm-paper

@@ -142,7 +142,7 @@ impl Set {
                 visit,
                 place,
                 class,
-                above_ground: f.above_ground,
+                context: f.context,
             })?;
             self.segments += 1;
             self.named += u64::from(object >= 0);

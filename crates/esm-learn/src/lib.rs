@@ -7,7 +7,6 @@
 //! A [`SegmentSetWriter`] puts them into a directory that NumPy maps into memory (`python/train/DATA.md`).
 
 mod error;
-mod ground;
 mod identity;
 mod npy;
 mod set;

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use esm_core::segment::{Context, RING_NUMBERS, RINGS};
 use serde::Serialize;
 use tempfile::TempDir;
 
@@ -38,8 +39,8 @@ pub struct Row {
     pub place: u16,
     /// Index into the classes, or 255.
     pub class: u8,
-    /// Height of the lowest point above the ground, metres; NaN where it is not known.
-    pub above_ground: f32,
+    /// What stands around it in its cloud.
+    pub context: Context,
 }
 
 /// Writes a set row by row: memory does not grow with it. Nothing stands at the target before all of it does.
@@ -58,7 +59,7 @@ pub struct Row {
 ///     visit: 0,
 ///     place: 0,
 ///     class: 255,
-///     above_ground: 0.1,
+///     context: esm_core::segment::Context { above_ground: Some(0.1), ..Default::default() },
 /// })?;
 /// set.finish()?;
 /// assert_eq!(std::fs::metadata(target.join("points.npy"))?.len(), 128 + 2 * 12);
@@ -77,6 +78,7 @@ pub struct SegmentSetWriter {
     place: NpyWriter,
     class: NpyWriter,
     above_ground: NpyWriter,
+    rings: NpyWriter,
     total: u64,
 }
 
@@ -112,6 +114,7 @@ impl SegmentSetWriter {
             place: array("place", "<u2", None)?,
             class: array("class", "|u1", None)?,
             above_ground: array("above_ground", "<f4", None)?,
+            rings: array("rings", "<f4", Some(RINGS * RING_NUMBERS))?,
             target,
             temporary,
             info,
@@ -137,7 +140,9 @@ impl SegmentSetWriter {
         self.visit.push(&row.visit.to_le_bytes(), 1)?;
         self.place.push(&row.place.to_le_bytes(), 1)?;
         self.class.push(&[row.class], 1)?;
-        self.above_ground.push(&row.above_ground.to_le_bytes(), 1)
+        self.above_ground.push(&row.context.above_ground.unwrap_or(f32::NAN).to_le_bytes(), 1)?;
+        let rings: Vec<u8> = row.context.rings.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+        self.rings.push(&rings, 1)
     }
 
     /// Sees everything on the disk and gives the set its name. Returns the number of segments.
@@ -155,6 +160,7 @@ impl SegmentSetWriter {
             self.place,
             self.class,
             self.above_ground,
+            self.rings,
         ] {
             array.finish()?;
         }
@@ -167,7 +173,7 @@ impl SegmentSetWriter {
             #[serde(flatten)]
             info: &'a SetInfo,
         }
-        let meta = Meta { format: "esm-segments", format_version: 1, segments, points, info: &self.info };
+        let meta = Meta { format: "esm-segments", format_version: 2, segments, points, info: &self.info };
         // Texts and numbers: nothing JSON could refuse.
         let text = serde_json::to_string_pretty(&meta).unwrap_or_default();
         let path = self.temporary.path().join("meta.json");
@@ -194,7 +200,7 @@ mod tests {
             visit: 1,
             place: 0,
             class: 255,
-            above_ground: f32::NAN,
+            context: Context::default(),
         }
     }
 

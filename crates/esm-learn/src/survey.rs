@@ -2,14 +2,13 @@
 
 use std::collections::VecDeque;
 
-use esm_core::segment::{SegmentConfig, segment};
+use esm_core::segment::{Context, SegmentConfig, segment};
 use esm_core::{AccumulateConfig, Accumulator, PointCloud, Pose, transform_point};
 use esm_io::PointLabel;
 use nalgebra::{Point3, Vector3};
 use rustc_hash::FxHashSet;
 
 use crate::error::Error;
-use crate::ground::{Ground, above_ground};
 use crate::votes::Votes;
 
 /// Sweeps nearer than this to the one before add no labels that are not there, metres; sweeps of few points proportionally
@@ -29,8 +28,8 @@ pub struct Found {
     pub centroid_map: [f64; 3],
     /// The object that a clear majority of its points lies on; `None` where there is none or points carry no labels.
     pub label: Option<PointLabel>,
-    /// Height of the lowest point above the ground, metres, NaN where unknown.
-    pub above_ground: f32,
+    /// What stands around it in its cloud.
+    pub context: Context,
 }
 
 /// Labels of a sweep, thinned.
@@ -99,7 +98,6 @@ impl Surveyor {
         self.next_m = self.travel_m + self.step_m;
         let segmentation = segment(&live.cloud, &self.segments);
         let votes = self.votes(&pose_odom_sensor);
-        let ground = Ground::new(&segmentation.ground);
         let found = segmentation.segments.iter().map(|segment| {
             let sum =
                 segment.points.iter().fold(Vector3::zeros(), |sum, p| sum + Vector3::from(*p).cast::<f64>());
@@ -110,7 +108,7 @@ impl Surveyor {
                 points: segment.points.iter().map(|p| about(p).cast::<f32>().into()).collect(),
                 centroid_map: (pose_map_sensor * Point3::from(centroid_sensor)).coords.into(),
                 label: votes.of_segment(&segment.points),
-                above_ground: above_ground(segment, &ground),
+                context: segment.context,
             }
         });
         Some(found.collect())
@@ -205,7 +203,7 @@ mod tests {
                 let off = (Point3::from(f.centroid_map) - want).norm();
                 assert!(off < 0.3, "cloud {n}: {off} m off");
                 assert_eq!(label.class, 4);
-                assert!((0.0..0.5).contains(&f.above_ground), "{}", f.above_ground);
+                assert!(f.context.above_ground.is_some_and(|h| (0.0..0.5).contains(&h)), "{:?}", f.context);
                 let mean = f.points.iter().fold(Vector3::zeros(), |s, p| s + Vector3::from(*p))
                     / f.points.len() as f32;
                 assert!(mean.norm() < 1e-3);

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use esm_core::PointCloud;
+use esm_core::segment::Context;
 use esm_io::PointLabel;
 use esm_learn::{IdentityRule, Row, SetInfo, UNKNOWN_CLASS};
 use pyo3::exceptions::PyValueError;
@@ -16,6 +17,7 @@ use crate::input::{bad_value, cloud, integers, position};
 use crate::output::{Kept, fixed_row, rows3};
 use crate::pose;
 use crate::recording::Sweep;
+use crate::segment::{rings_in, rings_out};
 use crate::threads::Threads;
 use crate::work::run;
 
@@ -55,7 +57,13 @@ impl Found {
     /// Height of the lowest point above the ground, metres, NaN where unknown.
     #[getter]
     fn above_ground(&self) -> f32 {
-        self.inner.above_ground
+        self.inner.context.above_ground.unwrap_or(f32::NAN)
+    }
+
+    /// What stands around it in its cloud, shape (7, 4); see `Segment.rings`.
+    #[getter]
+    fn rings(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        rings_out(py, &self.inner.context)
     }
 
     fn __len__(&self) -> usize {
@@ -281,9 +289,10 @@ impl SegmentSetWriter {
     /// Append a segment.
     ///
     /// `points`: shape (N, 3), metres about `centroid_map`, shape (3,), metres, map frame. `object`: its identity, unique in
-    /// its place, -1 where unknown. `observation`: the live cloud's number in the set. `above_ground`: metres.
+    /// its place, -1 where unknown. `observation`: the live cloud's number in the set. `above_ground`: metres. `rings`: shape (7, 4), as
+    /// `Segment.rings`; without them it is alone.
     #[pyo3(signature = (
-        points, centroid_map, *, object, observation, visit=0, place=0, object_class=255, above_ground=None
+        points, centroid_map, *, object, observation, visit=0, place=0, object_class=255, above_ground=None, rings=None
     ))]
     #[allow(clippy::too_many_arguments)] // Python has names for them.
     fn push(
@@ -297,6 +306,7 @@ impl SegmentSetWriter {
         place: u16,
         object_class: u8,
         above_ground: Option<f32>,
+        rings: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let points = cloud(points, "points")?.into_points();
         if points.is_empty() {
@@ -309,8 +319,9 @@ impl SegmentSetWriter {
             ));
         }
         let centroid_map = position(centroid_map, "centroid_map")?;
-        let (class, above_ground) = (object_class, above_ground.unwrap_or(f32::NAN));
-        let row = Row { points, centroid_map, object, observation, visit, place, class, above_ground };
+        let rings = rings.map(|r| rings_in(r, "rings")).transpose()?.unwrap_or_default();
+        let context = Context { above_ground: above_ground.filter(|h| !h.is_nan()), rings };
+        let row = Row { points, centroid_map, object, observation, visit, place, class: object_class, context };
         self.with(py, move |writer| Ok(writer.as_mut().ok_or_else(finished)?.push(&row)?))
     }
 

@@ -59,7 +59,9 @@ mod _native {
     #[pymodule_export]
     use crate::recording::{Damage, Recording, Sweep, Sweeps, Topic};
     #[pymodule_export]
-    use crate::segment::{Segment, Segmentation, euclidean_clusters, ground_flags, segment, voxel_filter};
+    use crate::segment::{
+        Segment, Segmentation, euclidean_clusters, ground_flags, segment, segments_of, voxel_filter,
+    };
     #[pymodule_export]
     use crate::simulate::{Preset, Progress, Summary, simulate};
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use esm_core::PointCloud;
 use esm_core::segment as core;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyTypeError;
@@ -11,8 +12,8 @@ use pyo3::types::PyTuple;
 
 use crate::config::{Config, or_default};
 use crate::failure::Failure;
-use crate::input::{bad_value, cloud};
-use crate::output::{Kept, fixed_row, row, rows3};
+use crate::input::{bad_value, cloud, exactly, integers};
+use crate::output::{Kept, fixed, fixed_row, row, rows3, table};
 use crate::threads::Threads;
 use crate::work::run;
 
@@ -32,9 +33,17 @@ impl Segment {
 #[pymethods]
 impl Segment {
     #[new]
-    fn new(points: &Bound<'_, PyAny>) -> PyResult<Self> {
+    #[pyo3(signature = (points, *, above_ground=None, rings=None))]
+    fn new(
+        points: &Bound<'_, PyAny>,
+        above_ground: Option<f32>,
+        rings: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
         let segment = core::Segment::from_points(cloud(points, "points")?.into_points());
-        segment.map(Self::from_core).ok_or_else(|| bad_value("points", "must hold at least one point"))
+        let mut segment = segment.ok_or_else(|| bad_value("points", "must hold at least one point"))?;
+        let rings = rings.map(|r| rings_in(r, "rings")).transpose()?.unwrap_or_default();
+        segment.context = core::Context { above_ground: above_ground.filter(|h| !h.is_nan()), rings };
+        Ok(Self::from_core(segment))
     }
 
     /// Points, shape (N, 3), metres.
@@ -59,6 +68,18 @@ impl Segment {
     #[getter]
     fn max(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         fixed_row(py, &self.inner.max)
+    }
+
+    /// Height of the lowest point above the ground around it, metres; None where that is not known.
+    #[getter]
+    fn above_ground(&self) -> Option<f32> {
+        self.inner.context.above_ground
+    }
+
+    /// What stands around it in its cloud, shape (7, 4): of each ring, the same numbers whatever the heading.
+    #[getter]
+    fn rings(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        rings_out(py, &self.inner.context)
     }
 
     fn __len__(&self) -> usize {
@@ -193,6 +214,53 @@ pub(crate) fn euclidean_clusters<'py>(
         Ok::<_, Failure>(core::euclidean_clusters(cloud.points(), c.tolerance, c.min_points, c.max_points))
     })?;
     Ok(clusters.into_iter().map(|c| row(py, c)).collect())
+}
+
+/// Segments of clusters of `points`, each with what stands around it among all of them.
+///
+/// `points`: shape (N, 3), metres, all that stands on the ground. `clusters`: arrays of their indices. `ground`: the ground points
+/// of the same cloud.
+#[pyfunction]
+#[pyo3(signature = (points, clusters, ground=None, *, threads=None))]
+pub(crate) fn segments_of(
+    py: Python<'_>,
+    points: &Bound<'_, PyAny>,
+    clusters: Vec<Bound<'_, PyAny>>,
+    ground: Option<&Bound<'_, PyAny>>,
+    threads: Option<usize>,
+) -> PyResult<Vec<Segment>> {
+    let points = cloud(points, "points")?.into_points();
+    let ground = ground.map(|g| cloud(g, "ground")).transpose()?.map_or_else(Vec::new, PointCloud::into_points);
+    let read = |c: &Bound<'_, PyAny>| -> PyResult<Vec<u32>> {
+        let indices = integers::<u32>(c, "clusters")?;
+        match indices.iter().find(|i| **i as usize >= points.len()) {
+            Some(i) => Err(bad_value("clusters", format!("name point {i} of {}", points.len()))),
+            None => Ok(indices),
+        }
+    };
+    let clusters = clusters.iter().map(read).collect::<PyResult<Vec<_>>>()?;
+    let made = run(py, Threads::new(threads)?, move || {
+        Ok::<_, Failure>(core::segments_of(&points, &ground, &clusters))
+    })?;
+    Ok(made.into_iter().map(Segment::from_core).collect())
+}
+
+/// What stands around a segment, as an array of shape (7, 4).
+pub(crate) fn rings_out(py: Python<'_>, context: &core::Context) -> PyResult<Py<PyAny>> {
+    Ok(fixed(table(py, context.rings.as_flattened().to_vec(), core::RING_NUMBERS)?)?.unbind())
+}
+
+/// The same from an array.
+pub(crate) fn rings_in(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+) -> PyResult<[[f32; core::RING_NUMBERS]; core::RINGS]> {
+    let values = exactly(value, name, &[core::RINGS, core::RING_NUMBERS])?;
+    if values.iter().any(|v| !v.is_finite()) {
+        return Err(bad_value(name, "must be finite"));
+    }
+    let at = |ring, n| values[ring * core::RING_NUMBERS + n] as f32;
+    Ok(std::array::from_fn(|ring| std::array::from_fn(|n| at(ring, n))))
 }
 
 /// The argument `segments`: a segmentation, or a sequence of segments.

@@ -185,10 +185,10 @@ def test_a_batch_is_a_function_of_its_step(sets: dict[str, str]) -> None:
         BatchSampler(corpus, BatchConfig(classes=4), 0), tiny_plan(), Augmentation(), rank=0, lists=True
     )
     a, b, c = batches[5], batches[5], batches[6]
-    assert torch.equal(a.points, b.points) and torch.equal(a.sizes, b.sizes)
+    assert torch.equal(a.points, b.points) and torch.equal(a.measures, b.measures)
     assert all(torch.equal(x, y) for x, y in zip(a.neighbours, b.neighbours, strict=True))
     assert not torch.equal(a.points, c.points)
-    assert a.points.shape == (8, 32, 3) and a.sizes.shape == (8, 6)
+    assert a.points.shape == (8, 32, 3) and a.measures.shape == (8, 6)
 
 
 def test_inference_does_not_depend_on_the_company(sets: dict[str, str]) -> None:
@@ -196,7 +196,7 @@ def test_inference_does_not_depend_on_the_company(sets: dict[str, str]) -> None:
     together = inference_inputs(corpus, np.array([3, 1, 2]), tiny_plan())
     alone = inference_inputs(corpus, np.array([1]), tiny_plan())
     assert torch.equal(together.points[1], alone.points[0])
-    torch.testing.assert_close(together.sizes[1], alone.sizes[0], atol=1e-6, rtol=0.0)
+    torch.testing.assert_close(together.measures[1], alone.measures[0], atol=1e-6, rtol=0.0)
 
 
 def own_memory() -> int:

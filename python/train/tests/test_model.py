@@ -19,8 +19,8 @@ from esm_train.weights import to_weights
 def inputs_of(points: np.ndarray, plan: Plan) -> Inputs:
     each = [neighbour_lists(p, plan) for p in points]
     lists = [torch.from_numpy(np.stack(layer)) for layer in zip(*each, strict=True)]
-    sizes = torch.from_numpy(np.random.default_rng(5).normal(size=(len(points), plan.sizes)).astype(np.float32))
-    return Inputs(torch.from_numpy(points), lists, sizes)
+    measures = np.random.default_rng(5).normal(size=(len(points), plan.measures)).astype(np.float32)
+    return Inputs(torch.from_numpy(points), lists, torch.from_numpy(measures))
 
 
 def random_points(segments: int, plan: Plan, seed: int = 0) -> np.ndarray:
@@ -30,20 +30,27 @@ def random_points(segments: int, plan: Plan, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("variant", "mode"), [("esm-paper", "none"), ("esm-swift", "beside"), ("esm-swift", "fc"), ("esm-swift", "both")]
+    ("variant", "mode", "context"),
+    [
+        ("esm-paper", "none", False),
+        ("esm-swift", "beside", False),
+        ("esm-swift", "beside", True),
+        ("esm-swift", "fc", False),
+        ("esm-swift", "both", True),
+    ],
 )
-def test_agrees_with_the_restatement(variant: str, mode: str) -> None:
+def test_agrees_with_the_restatement(variant: str, mode: str, context: bool) -> None:
     torch.manual_seed(3)
-    plan = plan_for(variant, size_mode=mode)
+    plan = plan_for(variant, size_mode=mode, context=context)
     model, head = random_network(plan)
     weights = to_weights(model, head, {})
     points = random_points(1, plan)
     inputs = inputs_of(points, plan)
-    inputs.sizes[0, -1:] = torch.nan  # an unknown size
+    inputs.measures[0, plan.sizes - 1 : plan.sizes] = torch.nan  # an unknown size
     with torch.no_grad():
-        got = model(inputs.points, inputs.neighbours, inputs.sizes)
+        got = model(inputs.points, inputs.neighbours, inputs.measures)
         chance = head.probability(got)
-    want = forward(points[0], inputs.sizes[0].numpy(), plan, weights.tensors)
+    want = forward(points[0], inputs.measures[0].numpy(), plan, weights.tensors)
     assert got.shape == (1, plan.descriptor_dim)
     assert want.descriptor.std() > 0.05
     np.testing.assert_allclose(got[0].numpy(), want.descriptor, atol=2e-5)
@@ -57,7 +64,7 @@ def test_the_order_of_points_does_not_matter() -> None:
     points = np.random.default_rng(2).normal(size=(1, 256, 3)).astype(np.float32)
     shuffled = points[:, np.random.default_rng(3).permutation(256)]
     with torch.no_grad():
-        a, b = (model(i.points, i.neighbours, i.sizes) for i in (inputs_of(p, plan) for p in (points, shuffled)))
+        a, b = (model(i.points, i.neighbours, i.measures) for i in (inputs_of(p, plan) for p in (points, shuffled)))
     assert a.std() > 0.05
     torch.testing.assert_close(a, b, atol=2e-5, rtol=0.0)
 
@@ -70,7 +77,7 @@ def test_turning_the_points_does() -> None:
     points = random_points(1, plan)
     turned = points[:, :, [1, 0, 2]] * np.array([-1.0, 1.0, 1.0], np.float32)
     with torch.no_grad():
-        a, b = (model(i.points, i.neighbours, i.sizes) for i in (inputs_of(p, plan) for p in (points, turned)))
+        a, b = (model(i.points, i.neighbours, i.measures) for i in (inputs_of(p, plan) for p in (points, turned)))
     assert (a - b).abs().max() > 1e-3
 
 
@@ -80,10 +87,10 @@ def test_rows_depend_on_their_own_segment_only() -> None:
     model, _ = random_network(plan)
     inputs = inputs_of(random_points(5, plan), plan)
     with torch.no_grad():
-        together = model(inputs.points, inputs.neighbours, inputs.sizes)
+        together = model(inputs.points, inputs.neighbours, inputs.measures)
         for row in range(5):
             one = inputs.part(row, row + 1)
-            alone = model(one.points, one.neighbours, one.sizes)
+            alone = model(one.points, one.neighbours, one.measures)
             torch.testing.assert_close(together[row : row + 1], alone, atol=1e-6, rtol=1e-5)
 
 
@@ -94,28 +101,27 @@ def test_cuda_agrees() -> None:
     model, _ = random_network(plan)
     inputs = inputs_of(random_points(4, plan), plan)
     with torch.no_grad():
-        here = model(inputs.points, inputs.neighbours, inputs.sizes)
-        there = Inputs(inputs.points, [], inputs.sizes).to(torch.device("cuda"), plan)
+        here = model(inputs.points, inputs.neighbours, inputs.measures)
+        there = Inputs(inputs.points, [], inputs.measures).to(torch.device("cuda"), plan)
         assert all(torch.equal(a, b.cpu()) for a, b in zip(inputs.neighbours, there.neighbours, strict=True))
-        got = model.cuda()(there.points, there.neighbours, there.sizes).cpu()
+        got = model.cuda()(there.points, there.neighbours, there.measures).cpu()
     torch.testing.assert_close(here, got, atol=1e-3, rtol=1e-3)
 
 
 def test_gradients() -> None:
     """Every parameter has one, and along a random direction it is the difference quotient."""
     torch.manual_seed(2)
-    plan = tiny_plan("both")
+    plan = tiny_plan("both", context=True)
     model = EsmNet(plan, dropout=0.0).double().train()
     with torch.no_grad():
         model.fc1_size_weight.normal_(0.0, 0.1)
     inputs = inputs_of(random_points(6, plan), plan)
-    points, sizes = inputs.points.double(), inputs.sizes.double()
+    points, measures = inputs.points.double(), inputs.measures.double()
 
     def loss() -> torch.Tensor:
-        z = model.standardised(sizes)
+        z = model.standardised(measures)
         pooled = model.pooled(points, model.features(points, inputs.neighbours), z)
-        d = torch.cat((pooled @ model.fc3_weight + model.fc3_bias, z * model.size_weight()), dim=1)
-        return torch.exp(-squared_distances(d)).mean()
+        return torch.exp(-squared_distances(model.descriptor(pooled, z))).mean()
 
     loss().backward()  # type: ignore[no-untyped-call]
     parameters = list(model.named_parameters())
@@ -144,5 +150,5 @@ def test_sizes_alone_tell_segments_apart_only_where_they_are_used() -> None:
         model, _ = random_network(plan)
         inputs = inputs_of(np.repeat(random_points(1, plan), 2, axis=0), plan)
         with torch.no_grad():
-            d = model(inputs.points, inputs.neighbours, inputs.sizes)
+            d = model(inputs.points, inputs.neighbours, inputs.measures)
         assert bool((d[0] - d[1]).abs().max() > 1e-4) == differs

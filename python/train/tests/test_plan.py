@@ -21,12 +21,14 @@ def test_layer_table() -> None:
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_parameters(variant: str) -> None:
     plan = plan_for(variant)
-    assert plan.layer_parameters() == [5936, 15832, 45680, 115360, 82432, 33024, 2064]
-    assert plan.parameters() == 300_328
+    join = [] if variant == "esm-paper" else [(128 + 6 + 28) * 128 + 2 * 128]
+    assert plan.layer_parameters() == [5936, 15832, 45680, 115360, 82432, 33024, *join, 2064]
+    assert plan.parameters() == 300_328 + sum(join)
     model = EsmNet(plan)
     counted = {name: p.numel() for name, p in model.named_parameters() if "size" not in name}
-    assert sum(counted.values()) == 300_328
-    assert sum(n for name, n in counted.items() if ".bn." in name or "_bn." in name) == 6_592
+    assert sum(counted.values()) == 300_328 + sum(join)
+    norms = sum(n for name, n in counted.items() if ".bn." in name or "_bn." in name)
+    assert norms == 6_592 + (256 if join else 0)
     assert plan.descriptor_dim == (16 if variant == "esm-paper" else 22)
 
 

@@ -26,15 +26,17 @@ def written(plan: Plan, file: Path) -> tuple[EsmNet, QualityHead]:
     return model, head
 
 
-@pytest.mark.parametrize("mode", ["none", "beside", "fc", "both"])
-def test_round_trip(tmp_path: Path, mode: str) -> None:
-    model, head = written(tiny_plan(mode), tmp_path / "w.safetensors")
+@pytest.mark.parametrize(
+    ("mode", "context"), [("none", False), ("beside", False), ("beside", True), ("fc", False), ("both", True)]
+)
+def test_round_trip(tmp_path: Path, mode: str, context: bool) -> None:
+    model, head = written(tiny_plan(mode, context), tmp_path / "w.safetensors")
     again, head_again, metadata = load_network(tmp_path / "w.safetensors")
     assert again.plan == model.plan and metadata["training_data"] == "none"
     inputs = golden_inputs(model, 6, 0)
     with torch.no_grad():
-        a = model(inputs.points, inputs.neighbours, inputs.sizes)
-        b = again(inputs.points, inputs.neighbours, inputs.sizes)
+        a = model(inputs.points, inputs.neighbours, inputs.measures)
+        b = again(inputs.points, inputs.neighbours, inputs.measures)
         torch.testing.assert_close(a, b, atol=1e-5, rtol=1e-5)
         torch.testing.assert_close(head.probability(a), head_again.probability(b), atol=1e-5, rtol=0.0)
     assert list(tmp_path.iterdir()) == [tmp_path / "w.safetensors"]
@@ -45,16 +47,20 @@ def test_header_and_shapes_of_the_document(tmp_path: Path) -> None:
     with safe_open(tmp_path / "w.safetensors", framework="numpy") as handle:
         m = handle.metadata()
         shapes = {name: tuple(handle.get_slice(name).get_shape()) for name in handle.keys()}  # noqa: SIM118
-    assert (m["format"], m["format_version"], m["architecture"]) == ("esm-weights", "1", "xconv-4")
+    assert (m["format"], m["format_version"], m["architecture"]) == ("esm-weights", "2", "xconv-4")
     assert m["neighbours"] == "8x1,12x3,16x3,16x4" and m["point_plan"] == "256,96,64,48"
-    assert m["descriptor_dim"] == "22" and m["parameters"] == "300328"
+    assert m["descriptor_dim"] == "22" and m["context"] == "rings-7x4"
+    joined = 162 * 128 + 256
+    assert m["parameters"] == str(300_328 + joined)
     assert shapes["xconv1.lift1.weight"] == (3, 16) and shapes["xconv4.x0.weight"] == (48, 256)
     assert shapes["xconv2.depthwise.weight"] == (12, 40, 2) and shapes["xconv2.pointwise.weight"] == (80, 64)
     assert shapes["xconv1.depthwise.weight"] == (8, 16, 4) and shapes["fc1.weight"] == (320, 256)
     assert shapes["fc1.size_weight"] == (6, 256) and shapes["fc3.weight"] == (128, 16)
     assert shapes["quality.weight"] == (22, 2) and shapes["size.weight"] == (6,)
-    counted = sum(int(np.prod(s)) for n, s in shapes.items() if not n.startswith(("size.", "quality.", "fc1.size")))
-    assert counted == 300_328
+    assert shapes["measures.mean"] == (34,) and shapes["join.weight"] == (162, 128)
+    other = ("measures.", "size.", "quality.", "fc1.size")
+    counted = sum(int(np.prod(s)) for n, s in shapes.items() if not n.startswith(other))
+    assert counted == 300_328 + joined
 
 
 def test_damaged_weights_are_refused(tmp_path: Path) -> None:
@@ -72,7 +78,7 @@ def test_damaged_weights_are_refused(tmp_path: Path) -> None:
     refused({**tensors, "fc3.bias": np.zeros(9, np.float32)}, metadata, "another shape: fc3.bias")
     refused({n: t for n, t in tensors.items() if n != "fc3.bias"}, metadata, "missing.*fc3.bias")
     refused({**tensors, "more": np.zeros(1, np.float32)}, metadata, "unknown.*more")
-    refused(tensors, {**metadata, "format_version": "2"}, "version '2'")
+    refused(tensors, {**metadata, "format_version": "1"}, "version '1'")
     refused(tensors, {**metadata, "point_plan": "8,4"}, "header")
     file.write_bytes(b"\x00" * 100)
     with pytest.raises(TrainError, match=r"w\.safetensors"):
@@ -95,7 +101,7 @@ def test_golden_activations_are_small_and_right(tmp_path: Path) -> None:
     g = load_file(tmp_path / "g.safetensors")
     tensors = read_weights(tmp_path / "w.safetensors").tensors
     row = 3  # of fewer than 256 points
-    want = forward(g["points"][row], g["sizes"][row], plan, tensors)
+    want = forward(g["points"][row], g["measures"][row], plan, tensors)
     assert len(np.unique(g["points"][row], axis=0)) < 256
     for number in range(4):
         assert (g[f"xconv{number + 1}.neighbours"][row] == want.neighbours[number][:8]).all()

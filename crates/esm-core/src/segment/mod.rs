@@ -2,6 +2,7 @@
 
 mod cluster;
 mod config;
+mod context;
 mod disjoint_sets;
 mod ground;
 mod radix;
@@ -9,6 +10,7 @@ mod voxel;
 
 pub use cluster::euclidean_clusters;
 pub use config::{GroundConfig, SegmentConfig};
+pub use context::{Context, RING_NUMBERS, RINGS, segments_of};
 pub use ground::ground_flags;
 pub use voxel::voxel_filter;
 
@@ -50,12 +52,8 @@ pub fn segment(cloud: &PointCloud, config: &SegmentConfig) -> Segmentation {
     for (p, is_ground) in points.iter().zip(flags) {
         if is_ground { &mut ground } else { &mut objects }.push(*p);
     }
-    let segments = euclidean_clusters(&objects, config.tolerance, config.min_points, config.max_points)
-        .into_iter()
-        .filter_map(|cluster| {
-            Segment::from_points(cluster.into_iter().map(|i| objects[i as usize]).collect())
-        })
-        .collect();
+    let clusters = euclidean_clusters(&objects, config.tolerance, config.min_points, config.max_points);
+    let segments = segments_of(&objects, &ground, &clusters);
     Segmentation { segments, ground, structure: objects, voxelled: points.len() }
 }
 
@@ -70,10 +68,12 @@ pub struct Segment {
     pub min: [f32; 3],
     /// Upper corner of the axis-aligned box, metres.
     pub max: [f32; 3],
+    /// What stands around it.
+    pub context: Context,
 }
 
 impl Segment {
-    /// Builds a segment from its points; `None` where there are none.
+    /// Builds a segment from its points, alone in the world; `None` where there are none.
     pub fn from_points(points: Vec<[f32; 3]>) -> Option<Self> {
         let first = *points.first()?;
         let (mut min, mut max, mut sum) = (first, first, [0f64; 3]);
@@ -85,7 +85,7 @@ impl Segment {
             }
         }
         let centroid = sum.map(|s| (s / points.len() as f64) as f32);
-        Some(Self { points, centroid, min, max })
+        Some(Self { points, centroid, min, max, context: Context::default() })
     }
 }
 

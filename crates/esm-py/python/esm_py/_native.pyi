@@ -76,6 +76,7 @@ __all__ = [
     "read_tum",
     "search",
     "segment",
+    "segments_of",
     "simulate",
     "voxel_filter",
     "write_tum",
@@ -422,10 +423,20 @@ class Accumulator:
 class Segment:
     """One segment: a connected group of points above the ground, in the frame of the cloud it was cut from."""
 
-    def __new__(cls, points: ArrayLike) -> Self: ...
+    def __new__(
+        cls, points: ArrayLike, *, above_ground: float | None = None, rings: ArrayLike | None = None
+    ) -> Self: ...
     @property
     def points(self) -> _Float32:
         """Points, shape (N, 3), metres."""
+
+    @property
+    def above_ground(self) -> float | None:
+        """Height of the lowest point above the ground around it, metres; None where that is not known."""
+
+    @property
+    def rings(self) -> _Float32:
+        """What stands around it in its cloud, shape (7, 4): of each ring, the same numbers whatever the heading."""
 
     @property
     def centroid(self) -> _Float32:
@@ -475,6 +486,15 @@ def voxel_filter(points: ArrayLike, config: Config | None = None, *, threads: in
 
 def ground_flags(points: ArrayLike, config: Config | None = None, *, threads: int | None = None) -> NDArray[np.bool]:
     """Tell for each point, shape (N, 3), whether it is ground (`segment.ground`): shape (N,)."""
+
+def segments_of(
+    points: ArrayLike, clusters: Sequence[ArrayLike], ground: ArrayLike | None = None, *, threads: int | None = None
+) -> list[Segment]:
+    """Segments of clusters of `points`, each with what stands around it among all of them.
+
+    `points`: shape (N, 3), metres, all that stands on the ground. `clusters`: arrays of their indices. `ground`: the
+    ground points of the same cloud.
+    """
 
 def euclidean_clusters(points: ArrayLike, config: Config | None = None, *, threads: int | None = None) -> list[_UInt32]:
     """Group points, shape (N, 3), that are linked by steps of up to `segment.tolerance` metres.
@@ -1069,6 +1089,10 @@ class Found:
     def above_ground(self) -> float:
         """Height of the lowest point above the ground, metres, NaN where unknown."""
 
+    @property
+    def rings(self) -> _Float32:
+        """What stands around it in its cloud, shape (7, 4); see `Segment.rings`."""
+
     def __len__(self) -> int: ...
 
 @final
@@ -1141,11 +1165,13 @@ class SegmentSetWriter:
         place: int = 0,
         object_class: int = 255,
         above_ground: float | None = None,
+        rings: ArrayLike | None = None,
     ) -> None:
         """Append a segment.
 
         `points`: shape (N, 3), metres about `centroid_map`, shape (3,), metres, map frame. `object`: its identity, unique in
-        its place, -1 where unknown. `observation`: the live cloud's number in the set. `above_ground`: metres.
+        its place, -1 where unknown. `observation`: the live cloud's number in the set. `above_ground`: metres. `rings`:
+        shape (7, 4), as `Segment.rings`; without them it is alone.
         """
 
     def finish(self) -> int:

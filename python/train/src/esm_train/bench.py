@@ -64,7 +64,7 @@ def bench(device: torch.device, classes: int, repeat: int) -> str:
             def forward(model: EsmNet = model, inputs: Inputs = inputs) -> None:
                 model.eval()
                 with torch.no_grad():
-                    model(inputs.points, inputs.neighbours, inputs.sizes)
+                    model(inputs.points, inputs.neighbours, inputs.measures)
                 finished()
 
             def step(
@@ -77,7 +77,7 @@ def bench(device: torch.device, classes: int, repeat: int) -> str:
             ) -> None:
                 model.train()
                 with torch.autocast(device.type, torch.bfloat16, enabled=bf16):
-                    d = model(inputs.points, inputs.neighbours, inputs.sizes)
+                    d = model(inputs.points, inputs.neighbours, inputs.measures)
                 optimizer.zero_grad(set_to_none=True)
                 descriptor_loss(d, labels, LossConfig()).total.backward()  # type: ignore[no-untyped-call]
                 optimizer.step()

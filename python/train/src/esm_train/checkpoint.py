@@ -92,7 +92,7 @@ def start_from(model: EsmNet, file: Path) -> tuple[list[str], list[str]]:
     """Loads the weights of equal name and shape; the sizes' mean and deviation stay. Returns (taken, left)."""
     other = load_checkpoint(file)["model"]
     own = model.state_dict()
-    fixed = ("size_mean", "size_std")
+    fixed = ("measures_mean", "measures_std")
     taken = [n for n, t in own.items() if n not in fixed and n in other and other[n].shape == t.shape]
     model.load_state_dict({n: other[n] for n in taken}, strict=False)
     left = [n for n in own if n not in taken and n not in fixed]

@@ -51,6 +51,9 @@ def _parser() -> argparse.ArgumentParser:
     train = command("train", _train, "Trains the network.")
     configured(train)
     train.add_argument("--resume", action="store_true", help="continue where the last checkpoint stands")
+    head = command("head", _head, "Trains the last layers further, with batches in which thousands of objects compete.")
+    configured(head)
+    head.add_argument("--checkpoint", type=Path, help="instead of latest.pt of the run")
     export = command("export", _export, "Fits the quality head and writes the weights file (WEIGHTS.md).")
     configured(export)
     export.add_argument("--checkpoint", type=Path, help="instead of latest.pt of the run")
@@ -130,6 +133,13 @@ def _train(options: argparse.Namespace) -> int:
     from esm_train.run import train
 
     return 0 if train(_load(options), options.resume) else 1
+
+
+def _head(options: argparse.Namespace) -> int:
+    from esm_train.run import head
+
+    head(_load(options), options.checkpoint)
+    return 0
 
 
 def _export(options: argparse.Namespace) -> int:

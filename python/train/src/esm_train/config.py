@@ -53,8 +53,10 @@ class NetworkConfig:
     the paper has it; empty takes the variant's."""
     size_mode: str = ""
     """none, beside, fc or both; empty takes the variant's."""
-    above_ground: bool = False
+    above_ground: bool = True
     """A seventh size: the height above ground."""
+    context: str = ""
+    """yes: the network knows what stands around a segment; no: it sees the segment alone; empty takes the variant's."""
     size_weight: float = 0.5
     """Starting value of the learned weights of the sizes: at first they lead, and the untrained numbers add little."""
     gain: float = 0.1
@@ -70,7 +72,7 @@ class DataConfig:
 
     train: tuple[str, ...] = ()
     size_statistics: int = 20_000
-    """Segments from which the sizes' mean and deviation are taken."""
+    """Segments from which the mean and deviation of sizes and context are taken."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,8 @@ class BatchConfig:
     alike_fullness: float = 0.8
     """How often the rows of an object are chosen to hold about as many points each: a single sweep's few and a full
     cloud's many rarely show the same."""
+    places: int = 0
+    """Places that the objects of a batch come from: of few, neighbours compete as they do in a map; 0: all."""
     hard_fraction: float = 0.0
     """Share of the batch drawn in groups of objects alike in class and size."""
     hard_group: int = 8
@@ -123,6 +127,21 @@ class OptimConfig:
     """Coupled: the gradient of 1e-6 |w|^2."""
     clip_norm: float = 0.0
     """Largest norm of the gradient; 0 does not clip."""
+
+
+@dataclass(frozen=True)
+class HeadConfig:
+    """The last layers, trained anew on the frozen X-conv layers, with batches in which thousands of objects compete."""
+
+    steps: int = 0
+    """0: leave them as the training made them."""
+    classes: int = 1024
+    places: int = 8
+    most_segments: int = 300_000
+    """Segments whose shape numbers are held in memory."""
+    learning_rate: float = 1e-3
+    learning_rate_end: float = 1e-5
+    dropout: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -175,6 +194,7 @@ class Config:
     augment: Augmentation = field(default_factory=Augmentation)
     loss: LossConfig = field(default_factory=LossConfig)
     optim: OptimConfig = field(default_factory=OptimConfig)
+    head: HeadConfig = field(default_factory=HeadConfig)
     validation: ValidationConfig = field(default_factory=ValidationConfig)
     quality: QualityConfig = field(default_factory=QualityConfig)
     export: ExportConfig = field(default_factory=ExportConfig)
@@ -191,6 +211,7 @@ class Config:
                 size_features=features,
                 learned_dim=n.learned_dim,
                 turned={"": None, "yes": True, "no": False}[n.turned],
+                context={"": None, "yes": True, "no": False}[n.context],
             )
         except ValueError as error:
             raise TrainError(f"[network]: {error}") from None
@@ -263,11 +284,15 @@ def _check(config: Config, file: Path) -> None:
     need(0.0 <= c.network.dropout < 1.0, "network.dropout", c.network.dropout, "0 to below 1")
     need(c.network.size_weight > 0.0, "network.size_weight", c.network.size_weight, "a positive number")
     need(c.network.turned in ("", "yes", "no"), "network.turned", c.network.turned, "yes or no")
+    need(c.network.context in ("", "yes", "no"), "network.context", c.network.context, "yes or no")
     need(c.network.gain > 0.0, "network.gain", c.network.gain, "a positive number")
     need(1 <= c.network.learned_dim <= 64, "network.learned_dim", c.network.learned_dim, "1 to 64")
     need(c.batch.classes >= 2, "batch.classes", c.batch.classes, "at least 2")
     need(c.batch.per_class >= 2, "batch.per_class", c.batch.per_class, "at least 2")
     need(0.0 <= c.batch.hard_fraction <= 1.0, "batch.hard_fraction", c.batch.hard_fraction, "0 to 1")
+    need(c.batch.places >= 0, "batch.places", c.batch.places, "0 or more")
+    need(0.0 <= c.head.dropout < 1.0, "head.dropout", c.head.dropout, "0 to below 1")
+    need(c.head.classes >= 2, "head.classes", c.head.classes, "at least 2")
     need(c.batch.hard_group >= 2, "batch.hard_group", c.batch.hard_group, "at least 2")
     need(c.loss.kind in ("triplet", "softmax", "power"), "loss.kind", c.loss.kind, "triplet, softmax or power")
     need(c.loss.power > 0.0, "loss.power", c.loss.power, "a positive number")

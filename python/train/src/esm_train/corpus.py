@@ -18,7 +18,7 @@ I64 = npt.NDArray[np.int64]
 
 
 class Corpus:
-    """Rows of several sets, numbered through; columns of one number a segment are held in memory."""
+    """Rows of several sets, numbered through; all but the points is held in memory."""
 
     def __init__(self, sets: Sequence[SegmentSet]) -> None:
         self.sets = list(sets)
@@ -43,6 +43,7 @@ class Corpus:
         self.visit: I64 = np.concatenate([np.asarray(s.visit, np.int64) for s in sets])
         self.centroid_map: npt.NDArray[np.float64] = np.concatenate([np.asarray(s.centroid_map) for s in sets])
         self.above_ground: F32 = np.concatenate([np.asarray(s.above_ground) for s in sets])
+        self.rings: F32 = np.concatenate([np.asarray(s.rings) for s in sets])
         self.counts: I64 = np.concatenate([np.diff(s.offsets).astype(np.int64) for s in sets])
 
     def __len__(self) -> int:
@@ -82,9 +83,9 @@ class Identities:
         return self.rows[self.starts[identity] : self.starts[identity + 1]]
 
 
-def identities(corpus: Corpus) -> Identities:
-    """Groups the rows with a known object by (place, object); those seen in one observation only are left out."""
-    rows = np.flatnonzero(corpus.object >= 0)
+def identities(corpus: Corpus, among: I64 | None = None) -> Identities:
+    """Groups the rows (all, or some) with a known object by (place, object), less those of one observation only."""
+    rows = np.flatnonzero(corpus.object >= 0) if among is None else among[corpus.object[among] >= 0]
     order = rows[np.lexsort((rows, corpus.observation[rows], corpus.object[rows], corpus.place[rows]))]
     place, thing = corpus.place[order], corpus.object[order]
     new = np.ones(len(order), bool)
@@ -106,19 +107,21 @@ FULLNESS_FACTOR = 2.0
 class BatchSampler:
     """The rows of a batch, a function of seed, step and rank alone, so that a training resumes at any step."""
 
-    def __init__(self, corpus: Corpus, config: BatchConfig, seed: int) -> None:
+    def __init__(self, corpus: Corpus, config: BatchConfig, seed: int, among: I64 | None = None) -> None:
         self.corpus = corpus
         self.config = config
         self.seed = seed
-        self.identities = identities(corpus)
+        self.identities = identities(corpus, among)
         if len(self.identities) < config.classes:
             raise TrainError(
                 f"{len(self.identities)} objects were seen in two observations or more, a batch takes {config.classes}",
                 "give more data, or lower batch.classes",
             )
+        first = self.identities.rows[self.identities.starts[:-1]]
+        self._place = corpus.place[first]
+        self._places = np.unique(self._place)
         self._extents: npt.NDArray[np.float64] | None = None
         if config.hard_fraction > 0.0:
-            first = self.identities.rows[self.identities.starts[:-1]]
             self._extents = np.log(corpus.lengths(first)[:, 3:] + 0.1)
             self._labels = corpus.label[first]
 
@@ -131,17 +134,26 @@ class BatchSampler:
     def _classes(self, rng: np.random.Generator) -> list[int]:
         wanted = self.config.classes
         chosen: dict[int, None] = {}
+        among = np.arange(len(self.identities))
+        if self.config.places:
+            # As many places as give enough objects, in random order.
+            places = rng.permutation(self._places)
+            held = np.cumsum([np.count_nonzero(self._place == p) for p in places])
+            enough = max(self.config.places, int(np.searchsorted(held, wanted)) + 1)
+            among = np.flatnonzero(np.isin(self._place, places[:enough]))
         hard = round(wanted * self.config.hard_fraction)
         while self._extents is not None and len(chosen) < hard:
-            anchor = int(rng.integers(len(self.identities)))
+            anchor = int(among[rng.integers(len(among))])
             chosen.setdefault(anchor)
-            near = np.abs(self._extents - self._extents[anchor]).max(axis=1) < np.log1p(self.config.hard_tolerance)
-            alike = np.flatnonzero(near & (self._labels == self._labels[anchor]))
+            near = np.abs(self._extents[among] - self._extents[anchor]).max(axis=1) < np.log1p(
+                self.config.hard_tolerance
+            )
+            alike = among[near & (self._labels[among] == self._labels[anchor])]
             alike = alike[alike != anchor]
             size = min(self.config.hard_group - 1, len(alike), wanted - len(chosen))
             for identity in rng.choice(alike, size, replace=False) if size > 0 else ():
                 chosen.setdefault(int(identity))
-        for identity in rng.permutation(len(self.identities)):
+        for identity in rng.permutation(among):
             if len(chosen) >= wanted:
                 break
             chosen.setdefault(int(identity))

@@ -13,7 +13,9 @@ from esm_train.checkpoint import atomically
 from esm_train.corpus import Corpus
 from esm_train.inputs import Inputs, inference_inputs, make_inputs
 from esm_train.model import EsmNet, QualityHead
+from esm_train.plan import CONTEXT
 from esm_train.sampling import rng_of_points, sample
+from esm_train.sizes import measures
 from esm_train.synthetic import CLASSES, object_surface, view
 
 TRACED_POINTS = 8
@@ -34,7 +36,12 @@ def golden_inputs(model: EsmNet, count: int, seed: int) -> Inputs:
     above = np.linspace(-0.2, 3.0, count).astype(np.float32)
     above[::5] = np.nan
     samples = [sample(v, model.plan.input_points, rng_of_points(v)) for v in views]
-    return make_inputs(samples, np.concatenate(views), offsets, above, model.plan, lists=True)
+    points, rings = (
+        np.concatenate(views),
+        np.abs(np.random.default_rng([seed, count]).normal(0.1, 0.1, (count, CONTEXT))),
+    )
+    measured = measures(points, offsets, above, rings.astype(np.float32), model.plan)
+    return make_inputs(samples, measured, model.plan, lists=True)
 
 
 @torch.no_grad()
@@ -42,10 +49,10 @@ def trace(model: EsmNet, head: QualityHead, inputs: Inputs) -> dict[str, np.ndar
     """The tensors of the golden file."""
     model.eval()
     plan, n, t = model.plan, len(inputs), TRACED_POINTS
-    z = model.standardised(inputs.sizes)
+    z = model.standardised(inputs.measures)
     out: dict[str, np.ndarray] = {"points": inputs.points.numpy()}
     if plan.size_mode != "none":
-        out["sizes"] = inputs.sizes.numpy()
+        out["measures"] = inputs.measures.numpy()
     features: torch.Tensor | None = None
     for number, (layer, index, source) in enumerate(zip(model.xconv, inputs.neighbours, plan.sources, strict=True), 1):
         features = layer(inputs.points[:, :source], features, index)
@@ -56,13 +63,13 @@ def trace(model: EsmNet, head: QualityHead, inputs: Inputs) -> dict[str, np.ndar
     assert features is not None
     query = inputs.points[:, : plan.points[-1]].reshape(-1, 3)
     absolute = model.global2(model.global1(query))
-    row = z @ model.fc1_size_weight if plan.size_mode in ("fc", "both") else None
+    row = model.sizes(z) @ model.fc1_size_weight if plan.size_mode in ("fc", "both") else None
     fc1 = model.fc1(torch.cat((absolute, features), dim=1), row)
     fc2 = model.fc2(fc1)
     for name, value in (("global", absolute), ("fc1", fc1), ("fc2", fc2)):
         out[f"{name}.out"] = value.view(n, -1, value.shape[1])[:, :t].contiguous().numpy()
     out["fc2.mean"] = fc2.view(n, -1, fc2.shape[1]).mean(dim=1).numpy()
-    descriptor = model(inputs.points, inputs.neighbours, inputs.sizes)
+    descriptor = model(inputs.points, inputs.neighbours, inputs.measures)
     out["descriptor"] = descriptor.numpy()
     out["quality"] = head.probability(descriptor).numpy()
     return out
@@ -81,10 +88,10 @@ def write_answers(model: EsmNet, head: QualityHead, weights: Path, corpus: Corpu
     out: dict[str, list[np.ndarray]] = {}
     for piece in np.array_split(rows, max(1, len(rows) // 64)):
         inputs = inference_inputs(corpus, piece, model.plan)
-        descriptor = model(inputs.points, inputs.neighbours, inputs.sizes)
+        descriptor = model(inputs.points, inputs.neighbours, inputs.measures)
         answers = {"points": inputs.points, "descriptor": descriptor, "quality": head.probability(descriptor)}
         if model.plan.size_mode != "none":
-            answers["sizes"] = inputs.sizes
+            answers["measures"] = inputs.measures
         for name, value in answers.items():
             out.setdefault(name, []).append(value.numpy())
     return _write({name: np.concatenate(parts) for name, parts in out.items()}, model, weights, file)

@@ -17,7 +17,7 @@ from esm_train.model import EsmNet
 from esm_train.neighbours import neighbour_lists, neighbour_lists_torch
 from esm_train.plan import Plan
 from esm_train.sampling import normalise, rng_of_points, sample
-from esm_train.sizes import metric_sizes
+from esm_train.sizes import measures
 
 F32 = npt.NDArray[np.float32]
 I64 = npt.NDArray[np.int64]
@@ -31,32 +31,31 @@ class Inputs:
     """(B, 256, 3), normalised."""
     neighbours: list[Tensor]
     """A (B, P, K) int16 list a layer; empty = to be made on the device."""
-    sizes: Tensor
-    """(B, S) before standardisation."""
+    measures: Tensor
+    """(B, plan.measures) before standardisation."""
 
     def __len__(self) -> int:
         return self.points.shape[0]
 
     def part(self, start: int, end: int) -> Inputs:
         """Segments start .. end."""
-        return Inputs(self.points[start:end], [n[start:end] for n in self.neighbours], self.sizes[start:end])
+        return Inputs(self.points[start:end], [n[start:end] for n in self.neighbours], self.measures[start:end])
 
     def to(self, device: torch.device, plan: Plan) -> Inputs:
         """On the device, neighbours made there where they are missing."""
         points = self.points.to(device, non_blocking=True)
         lists = [n.to(device, non_blocking=True) for n in self.neighbours]
-        return Inputs(points, lists or neighbour_lists_torch(points, plan), self.sizes.to(device, non_blocking=True))
+        return Inputs(points, lists or neighbour_lists_torch(points, plan), self.measures.to(device, non_blocking=True))
 
 
-def make_inputs(samples: list[F32], points: F32, offsets: I64, above_ground: F32, plan: Plan, lists: bool) -> Inputs:
-    """From the 256 sampled points of each segment, and all its points for the sizes."""
+def make_inputs(samples: list[F32], measured: F32, plan: Plan, lists: bool) -> Inputs:
+    """From the 256 sampled points of each segment, and what was measured on all of its points."""
     normalised = [normalise(s, plan.turned) for s in samples]
     neighbours: list[Tensor] = []
     if lists:
         each = [neighbour_lists(p, plan) for p in normalised]
         neighbours = [torch.from_numpy(np.stack(layer).astype(np.int16)) for layer in zip(*each, strict=True)]
-    sizes = metric_sizes(points, offsets, above_ground, plan.size_features)
-    return Inputs(torch.from_numpy(np.stack(normalised)), neighbours, torch.from_numpy(sizes))
+    return Inputs(torch.from_numpy(np.stack(normalised)), neighbours, torch.from_numpy(measured))
 
 
 def inference_inputs(corpus: Corpus, rows: I64, plan: Plan, lists: bool = True) -> Inputs:
@@ -64,7 +63,8 @@ def inference_inputs(corpus: Corpus, rows: I64, plan: Plan, lists: bool = True) 
     points, offsets = corpus.gather(rows)
     parts = [points[a:b] for a, b in itertools.pairwise(offsets)]
     samples = [sample(p, plan.input_points, rng_of_points(p)) for p in parts]
-    return make_inputs(samples, points, offsets, corpus.above_ground[rows], plan, lists)
+    measured = measures(points, offsets, corpus.above_ground[rows], corpus.rings[rows], plan)
+    return make_inputs(samples, measured, plan, lists)
 
 
 class TrainingBatches(Dataset[Inputs]):
@@ -88,8 +88,9 @@ class TrainingBatches(Dataset[Inputs]):
             parts.append(points)
             samples.append(sample(points, self.plan.input_points, rng))
         offsets = np.concatenate(([0], np.cumsum([len(p) for p in parts]))).astype(np.int64)
-        above = corpus.above_ground[rows]
-        return make_inputs(samples, np.concatenate(parts), offsets, above, self.plan, self.lists)
+        points, plan = np.concatenate(parts), self.plan
+        measured = measures(points, offsets, corpus.above_ground[rows], corpus.rings[rows], plan)
+        return make_inputs(samples, measured, plan, self.lists)
 
     def labels(self) -> Tensor:
         """(classes * per_class,): which rows of any batch are one object."""
@@ -105,7 +106,7 @@ def describe_inputs(model: EsmNet, inputs: Inputs, device: torch.device, batch: 
     rows: list[F32] = []
     for start in range(0, len(inputs), batch):
         part = inputs.part(start, start + batch).to(device, model.plan)
-        rows.append(model(part.points, part.neighbours, part.sizes).cpu().numpy())
+        rows.append(model(part.points, part.neighbours, part.measures).cpu().numpy())
     model.train(was_training)
     return np.concatenate(rows) if rows else np.zeros((0, model.plan.descriptor_dim), np.float32)
 

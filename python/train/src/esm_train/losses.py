@@ -21,8 +21,15 @@ class Loss:
     """Share of triplets whose negative is nearer than the positive plus the margin."""
 
 
+BY_DIFFERENCES = 512
+"""Larger batches take the memory of a matrix product instead of that of all differences."""
+
+
 def squared_distances(descriptors: Tensor) -> Tensor:
-    """(B, B), by differences: no cancellation for near descriptors."""
+    """(B, B); of small batches by differences, which do not cancel for near descriptors."""
+    if len(descriptors) > BY_DIFFERENCES:
+        squares = (descriptors * descriptors).sum(dim=1)
+        return (squares[:, None] + squares[None, :] - 2.0 * descriptors @ descriptors.T).clamp(min=0.0)
     d = descriptors[:, None, :] - descriptors[None, :, :]
     return (d * d).sum(dim=2)
 

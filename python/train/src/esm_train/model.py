@@ -106,8 +106,8 @@ class XConv(nn.Module):
 class EsmNet(nn.Module):
     """Points, neighbour lists and sizes in, descriptors out."""
 
-    size_mean: Tensor
-    size_std: Tensor
+    measures_mean: Tensor
+    measures_std: Tensor
 
     def __init__(self, plan: Plan, dropout: float = 0.5) -> None:
         super().__init__()
@@ -119,23 +119,33 @@ class EsmNet(nn.Module):
         self.fc2 = Dense(*plan.hidden)
         self.fc3_weight = nn.Parameter(glorot(plan.hidden[1], plan.learned_dim).detach() * DESCRIPTOR_GAIN)
         self.fc3_bias = nn.Parameter(torch.zeros(plan.learned_dim))
+        if plan.context:
+            self.join = Dense(plan.join_input, plan.hidden[1])
         self.dropout = nn.Dropout(dropout)
-        self.register_buffer("size_mean", torch.zeros(plan.sizes))
-        self.register_buffer("size_std", torch.ones(plan.sizes))
+        self.register_buffer("measures_mean", torch.zeros(plan.measures))
+        self.register_buffer("measures_std", torch.ones(plan.measures))
         if plan.size_mode in ("fc", "both"):
             # Zero: training starts from the network without sizes, whose weights may have been loaded.
             self.fc1_size_weight = nn.Parameter(torch.zeros(plan.sizes, plan.hidden[0]))
         if plan.size_mode in ("beside", "both"):
             self.size_log_weight = nn.Parameter(torch.zeros(plan.sizes))
 
-    def forward(self, points: Tensor, neighbours: list[Tensor], sizes: Tensor | None = None) -> Tensor:
-        """Points (B, 256, 3), a (B, P, K) list a layer, raw sizes (B, S) -> (B, descriptor_dim)."""
-        z = self.standardised(sizes)
-        pooled = self.pooled(points, self.features(points, neighbours), z)
-        learned = pooled @ self.fc3_weight + self.fc3_bias
+    def forward(self, points: Tensor, neighbours: list[Tensor], measures: Tensor | None = None) -> Tensor:
+        """Points (B, 256, 3), a (B, P, K) list a layer, raw measures (B, plan.measures) -> (B, descriptor_dim)."""
+        z = self.standardised(measures)
+        return self.descriptor(self.pooled(points, self.features(points, neighbours), z), z)
+
+    def descriptor(self, pooled: Tensor, z: Tensor) -> Tensor:
+        """The last layers: shape (B, hidden) and standardised measures -> (B, descriptor_dim)."""
+        joined = self.join(torch.cat((pooled, z), dim=1)) if self.plan.context else pooled
+        learned = joined @ self.fc3_weight + self.fc3_bias
         if self.plan.size_mode in ("beside", "both"):
-            return torch.cat((widened(learned), z * self.size_weight()), dim=1)
+            return torch.cat((widened(learned), self.sizes(z) * self.size_weight()), dim=1)
         return widened(learned)
+
+    def sizes(self, z: Tensor) -> Tensor:
+        """The sizes among the standardised measures."""
+        return z[:, : self.plan.sizes]
 
     def features(self, points: Tensor, neighbours: list[Tensor]) -> Tensor:
         """Output of the last X-conv, (B * P_4, C)."""
@@ -150,19 +160,19 @@ class EsmNet(nn.Module):
         batch = points.shape[0]
         query = points[:, : self.plan.points[-1]].reshape(-1, 3)
         absolute = self.global2(self.global1(query))
-        row = z @ self.fc1_size_weight if self.plan.size_mode in ("fc", "both") else None
+        row = self.sizes(z) @ self.fc1_size_weight if self.plan.size_mode in ("fc", "both") else None
         hidden = self.fc1(torch.cat((absolute, features.to(absolute.dtype)), dim=1), row)
         hidden = self.dropout(self.fc2(hidden))
         mean: Tensor = widened(hidden).view(batch, -1, hidden.shape[1]).mean(dim=1)
         return mean
 
-    def standardised(self, sizes: Tensor | None) -> Tensor:
+    def standardised(self, measures: Tensor | None) -> Tensor:
         """Zero mean, unit deviation over the training set; unknown (NaN) becomes 0."""
         if self.plan.size_mode == "none":
-            return self.size_mean.new_zeros(0)
-        if sizes is None:
+            return self.measures_mean.new_zeros(0)
+        if measures is None:
             raise ValueError(f"size mode {self.plan.size_mode!r} needs the sizes of the segments")
-        return torch.nan_to_num((sizes - self.size_mean) / self.size_std, nan=0.0)
+        return torch.nan_to_num((measures - self.measures_mean) / self.measures_std, nan=0.0)
 
     def size_weight(self) -> Tensor:
         """Positive weights of the standardised sizes in the descriptor."""

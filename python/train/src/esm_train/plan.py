@@ -23,6 +23,9 @@ SIZE_FEATURES = ("sigma1", "sigma2", "sigma3", "height", "extent1", "extent2")
 ABOVE_GROUND = "above_ground"
 """A seventh size, where the height above ground is known."""
 
+CONTEXT = 28
+"""Numbers that tell what stands around a segment: four for each of seven rings (DATA.md)."""
+
 SIZE_MODES = ("none", "beside", "fc", "both")
 
 
@@ -80,6 +83,8 @@ class Plan:
     input_points: int = INPUT_POINTS
     turned: bool = False
     """Whether segments are turned about the up axis into a pose of their own first."""
+    context: bool = False
+    """Whether what stands around a segment is known to the network."""
 
     def __post_init__(self) -> None:
         """Refuses plans that no neighbour list can serve."""
@@ -99,6 +104,8 @@ class Plan:
             raise ValueError(f"unknown size features: {', '.join(unknown)}")
         if (self.size_mode == "none") != (not self.size_features):
             raise ValueError("size features go with a size mode, and a size mode with size features")
+        if self.context and not self.size_features:
+            raise ValueError("context goes with a size mode")
 
     @property
     def sources(self) -> tuple[int, ...]:
@@ -111,6 +118,16 @@ class Plan:
         return len(self.size_features)
 
     @property
+    def measures(self) -> int:
+        """Columns of all that enters beside the points: the metric sizes, then the context."""
+        return self.sizes + (CONTEXT if self.context else 0)
+
+    @property
+    def join_input(self) -> int:
+        """Numbers into the layer that joins shape, sizes and context."""
+        return self.hidden[1] + self.measures
+
+    @property
     def fc_input(self) -> int:
         """Channels into the fully connected layers: global branch and last X-conv."""
         return self.global_channels + self.layers[-1].channels
@@ -121,12 +138,14 @@ class Plan:
         return self.learned_dim + (self.sizes if self.size_mode in ("beside", "both") else 0)
 
     def layer_parameters(self) -> list[int]:
-        """Trainable parameters: each X-conv (the last with the global branch), then each fully connected layer."""
+        """Trainable parameters: each X-conv (the last with the global branch), fc1, fc2, the joining layer, fc3."""
         g = self.global_channels
         counts = [layer.parameters() for layer in self.layers]
         counts[-1] += 3 * g + g * g + 4 * g
         first, second = self.hidden
         counts += [self.fc_input * first + 2 * first, first * second + 2 * second]
+        if self.context:
+            counts.append(self.join_input * second + 2 * second)
         return [*counts, second * self.learned_dim + self.learned_dim]
 
     def parameters(self) -> int:
@@ -141,6 +160,8 @@ class Plan:
         total += self.points[-1] * per_point + second * self.learned_dim
         if self.size_mode in ("fc", "both"):
             total += self.sizes * first
+        if self.context:
+            total += self.join_input * second
         return total
 
 
@@ -163,12 +184,12 @@ PAPER_LAYERS = xconv_layers((32, 64, 128, 256), ((8, 1), (12, 3), (16, 3), (16, 
 FULL_POINTS = (256, 256, 256, 256)
 SWIFT_POINTS = (256, 96, 64, 48)
 
-VARIANTS: dict[str, tuple[tuple[int, ...], str, bool]] = {
-    "esm-paper": (FULL_POINTS, "none", False),
-    "esm": (FULL_POINTS, "beside", True),
-    "esm-swift": (SWIFT_POINTS, "beside", True),
+VARIANTS: dict[str, tuple[tuple[int, ...], str, bool, bool]] = {
+    "esm-paper": (FULL_POINTS, "none", False, False),
+    "esm": (FULL_POINTS, "beside", True, True),
+    "esm-swift": (SWIFT_POINTS, "beside", True, True),
 }
-"""Points a layer keeps, size mode, and whether segments are turned, by name of the variant."""
+"""Points a layer keeps, size mode, whether segments are turned, whether they have context, by name of the variant."""
 
 
 def plan_for(
@@ -179,11 +200,12 @@ def plan_for(
     size_features: tuple[str, ...] | None = None,
     learned_dim: int = 16,
     turned: bool | None = None,
+    context: bool | None = None,
 ) -> Plan:
     """The plan of a variant, with what differs from its defaults."""
     if variant not in VARIANTS:
         raise ValueError(f"variant {variant!r} is none of {', '.join(VARIANTS)}")
-    default_points, default_mode, default_turned = VARIANTS[variant]
+    default_points, default_mode, default_turned, default_context = VARIANTS[variant]
     mode = default_mode if size_mode is None else size_mode
     features = SIZE_FEATURES if size_features is None else size_features
     return Plan(
@@ -196,10 +218,11 @@ def plan_for(
         size_mode=mode,
         size_features=() if mode == "none" else features,
         turned=default_turned if turned is None else turned,
+        context=default_context and mode != "none" if context is None else context,
     )
 
 
-def tiny_plan(size_mode: str = "beside") -> Plan:
+def tiny_plan(size_mode: str = "beside", context: bool = False) -> Plan:
     """A few thousand parameters over 32 points, for tests in which the architecture does not matter."""
     return Plan(
         variant="esm-swift",
@@ -211,4 +234,5 @@ def tiny_plan(size_mode: str = "beside") -> Plan:
         size_mode=size_mode,
         size_features=() if size_mode == "none" else SIZE_FEATURES,
         input_points=32,
+        context=context,
     )

@@ -30,8 +30,8 @@ class _Flat(nn.Module):
         super().__init__()
         self.model = model
 
-    def forward(self, points: Tensor, n1: Tensor, n2: Tensor, n3: Tensor, n4: Tensor, sizes: Tensor) -> Tensor:
-        descriptor: Tensor = self.model(points, [n1, n2, n3, n4], sizes)
+    def forward(self, points: Tensor, n1: Tensor, n2: Tensor, n3: Tensor, n4: Tensor, measures: Tensor) -> Tensor:
+        descriptor: Tensor = self.model(points, [n1, n2, n3, n4], measures)
         return descriptor
 
 
@@ -81,7 +81,7 @@ def _timed(call: Callable[[], object]) -> float:
 
 @torch.no_grad()
 def _eager(model: EsmNet, inputs: Inputs) -> None:
-    model(inputs.points, inputs.neighbours, inputs.sizes)
+    model(inputs.points, inputs.neighbours, inputs.measures)
 
 
 def _onnx(model: EsmNet, inputs: Inputs, file: Path, threads: int) -> Callable[[], float]:
@@ -89,10 +89,10 @@ def _onnx(model: EsmNet, inputs: Inputs, file: Path, threads: int) -> Callable[[
         import onnxruntime
     except ImportError:
         raise TrainError("ONNX Runtime is not installed", "uv run --group race esm-train race ...") from None
-    arguments = (inputs.points, *(n.long() for n in inputs.neighbours), inputs.sizes)
+    arguments = (inputs.points, *(n.long() for n in inputs.neighbours), inputs.measures)
     with torch.no_grad():
         torch.onnx.export(_Flat(model).eval(), arguments, str(file), dynamo=True, verbose=False)
-        want = model(inputs.points, inputs.neighbours, inputs.sizes).numpy()
+        want = model(inputs.points, inputs.neighbours, inputs.measures).numpy()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1

@@ -83,8 +83,8 @@ def xconv(name: str, points: F32, query: int, index: I64, features: F32 | None, 
     return dense(f"{name}.pointwise", separate, t)
 
 
-def forward(points: F32, sizes: F32 | None, plan: Plan, t: Tensors) -> Activations:
-    """One segment: 256 normalised points (256, 3) and raw sizes (S,) -> descriptor and what led to it."""
+def forward(points: F32, measures: F32 | None, plan: Plan, t: Tensors) -> Activations:
+    """One segment: 256 normalised points (256, 3), raw measures (plan.measures,) -> descriptor and what led to it."""
     out = Activations(np.zeros(0, np.float32))
     features: F32 | None = None
     for number, (kept, source, layer) in enumerate(zip(plan.points, plan.sources, plan.layers, strict=True), 1):
@@ -98,15 +98,16 @@ def forward(points: F32, sizes: F32 | None, plan: Plan, t: Tensors) -> Activatio
     out.absolute = dense("global2", dense("global1", query, t), t)
     z = np.zeros(0, np.float32)
     if plan.size_mode != "none":
-        assert sizes is not None
-        z = np.nan_to_num((sizes - t["size.mean"]) / t["size.std"], nan=0.0).astype(np.float32)
-    row = z @ t["fc1.size_weight"] if plan.size_mode in ("fc", "both") else None
+        assert measures is not None
+        z = np.nan_to_num((measures - t["measures.mean"]) / t["measures.std"], nan=0.0).astype(np.float32)
+    row = z[: plan.sizes] @ t["fc1.size_weight"] if plan.size_mode in ("fc", "both") else None
     out.fc1 = dense("fc1", np.concatenate((out.absolute, features), axis=1), t, row)
     out.fc2 = dense("fc2", out.fc1, t)
     out.pooled = out.fc2.mean(axis=0)
-    learned = out.pooled @ t["fc3.weight"] + t["fc3.bias"]
+    joined = dense("join", np.concatenate((out.pooled, z)), t) if plan.context else out.pooled
+    learned = joined @ t["fc3.weight"] + t["fc3.bias"]
     beside = plan.size_mode in ("beside", "both")
-    out.descriptor = np.concatenate((learned, z * t["size.weight"])) if beside else learned
+    out.descriptor = np.concatenate((learned, z[: plan.sizes] * t["size.weight"])) if beside else learned
     return out
 
 

@@ -11,16 +11,17 @@ import numpy as np
 import torch
 
 from esm_train import balance
-from esm_train.checkpoint import load_checkpoint, model_of
+from esm_train.checkpoint import load_checkpoint, model_of, save_checkpoint
 from esm_train.config import Config
 from esm_train.evaluate import evaluate, table
+from esm_train.head import train_head
 from esm_train.inputs import describe
 from esm_train.metrics import Sides
 from esm_train.model import EsmNet, QualityHead
 from esm_train.plan import Plan
 from esm_train.quality import distance_thresholds, nearest_is_right, train_quality
 from esm_train.trainer import Trainer, device_of, process_group
-from esm_train.validation import converged, open_sides
+from esm_train.validation import Validation, converged, open_corpus, open_sides
 from esm_train.weights import load_network, to_weights, write_weights
 
 
@@ -36,10 +37,28 @@ def train(config: Config, resume: bool) -> bool:
     return done
 
 
+def head(config: Config, checkpoint: Path | None = None) -> None:
+    """Trains the last layers further on the frozen ones; writes `head.pt`."""
+    device = device_of(config.run.device)
+    state = load_checkpoint(checkpoint or Path(config.run.out) / "latest.pt")
+    model = model_of(state).to(device)
+    v = config.validation
+    lists = device.type == "cpu"
+    validation = None
+    if v.live:
+        sides = open_sides(v.map, v.live, "validation")
+        validation = Validation(sides, model.plan, max_live=v.max_live, max_map=v.max_map, lists=lists)
+    corpus = open_corpus(config.data.train, "data.train")
+    history = train_head(model, corpus, config, validation, device)
+    save_checkpoint(
+        Path(config.run.out) / "head.pt", model=model, step=int(state["step"]), history=history, config=config
+    )
+
+
 def export(config: Config, checkpoint: Path | None = None, output: Path | None = None) -> dict[str, Any]:
     """Fits the quality head on the frozen descriptor and writes the weights file."""
     device = device_of(config.run.device)
-    file = checkpoint or Path(config.run.out) / "latest.pt"
+    file = checkpoint or Path(config.run.out) / ("head.pt" if config.head.steps else "latest.pt")
     state = load_checkpoint(file)
     model = model_of(state).to(device).eval()
     q, v = config.quality, config.validation
@@ -55,16 +74,17 @@ def export(config: Config, checkpoint: Path | None = None, output: Path | None =
         balance.apply(model, factor)
         live[:, : model.plan.learned_dim] *= np.float32(factor)
         mapped[:, : model.plan.learned_dim] *= np.float32(factor)
-    head, facts = train_quality(live, nearest_is_right(sides, live, mapped), config.run.seed)
+    quality, facts = train_quality(live, nearest_is_right(sides, live, mapped), config.run.seed)
     o, b, loss = config.optim, config.batch, config.loss
     weights = to_weights(
         model,
-        head,
+        quality,
         {
             **distance_thresholds(sides, live, mapped),
             "training_data": config.export.training_data,
             "training": f"{state['step']} of {o.steps} steps, batches of {b.classes} x {b.per_class}, "
             f"{loss.kind} ({loss.mining}), learning rate {o.learning_rate} to {o.learning_rate_end}, "
+            f"last layers {config.head.steps} steps of {config.head.classes} x {b.per_class}, "
             f"seed {config.run.seed}",
         },
     )
@@ -85,12 +105,14 @@ def run(config: Config, resume: bool) -> bool:
         return False
     if int(os.environ.get("RANK", "0")) != 0:
         return True  # one process of torchrun's goes on
+    if config.head.steps:
+        head(config)
     report = export(config)
     print(f"weights: {report['weights']}, quality: {report['quality']}", file=sys.stderr)
-    model, head, metadata = load_network(Path(report["weights"]))
+    model, quality, metadata = load_network(Path(report["weights"]))
     sides = open_sides(config.validation.map, config.validation.live, "validation")
     out = Path(config.run.out) / "evaluation"
-    print(table(evaluate([(metadata["variant"], model, head)], sides, out, device_of(config.run.device))))
+    print(table(evaluate([(metadata["variant"], model, quality)], sides, out, device_of(config.run.device))))
     return True
 
 
@@ -109,8 +131,8 @@ def random_network(plan: Plan) -> tuple[EsmNet, QualityHead]:
             if "size" in name:
                 parameter.normal_(0.0, 0.1)
         model.fc3_bias.normal_(0.0, 0.1)
-        model.size_mean.uniform_(-1.0, 1.0)
-        model.size_std.uniform_(0.5, 1.0)
+        model.measures_mean.uniform_(-1.0, 1.0)
+        model.measures_std.uniform_(0.5, 1.0)
         head.weight.normal_(0.0, 0.5)
         head.bias.normal_(0.0, 0.5)
     head.temperature = 1.25

@@ -14,11 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from esm_train.errors import TrainError
+from esm_train.plan import CONTEXT
 
 F32 = npt.NDArray[np.float32]
 
 FORMAT = "esm-segments"
-VERSION = 1
+VERSION = 2
 UNKNOWN_OBJECT = -1
 UNKNOWN_CLASS = 255
 MAX_POINTS = 100_000
@@ -31,6 +32,7 @@ COLUMNS: dict[str, tuple[str, tuple[int, ...]]] = {
     "place": ("<u2", ()),
     "class": ("<u1", ()),
     "above_ground": ("<f4", ()),
+    "rings": ("<f4", (CONTEXT,)),
 }
 """Arrays with one row a segment: dtype and shape of a row."""
 
@@ -65,6 +67,7 @@ class SegmentSet:
         self.place: npt.NDArray[np.uint16] = columns["place"]
         self.label: npt.NDArray[np.uint8] = columns["class"]
         self.above_ground: F32 = columns["above_ground"]
+        self.rings: F32 = columns["rings"]
         _check_offsets(path, self.offsets, self.meta.points)
 
     def __len__(self) -> int:
@@ -94,6 +97,7 @@ class SegmentSet:
         _first_bad(self.path, "object", self.object < UNKNOWN_OBJECT, "below -1")
         _first_bad(self.path, "centroid_map", ~np.isfinite(self.centroid_map).all(axis=1), "not finite")
         _first_bad(self.path, "above_ground", np.isinf(np.asarray(self.above_ground)), "infinite; NaN says unknown")
+        _first_bad(self.path, "rings", ~np.isfinite(self.rings).all(axis=1), "not finite")
         for start in range(0, n, 1024):
             rows = np.arange(start, min(start + 1024, n))
             points, offsets = self.gather(rows)
@@ -232,8 +236,9 @@ class SegmentWriter:
         place: int = 0,
         label: int = UNKNOWN_CLASS,
         above_ground: float = float("nan"),
+        rings: F32 | None = None,
     ) -> None:
-        """Appends one segment: points (n, 3) in metres about `centroid_map`."""
+        """Appends one segment: points (n, 3) in metres about `centroid_map`; without `rings` it is alone."""
         if not 1 <= len(points) <= MAX_POINTS:
             raise TrainError(f"{self.path}: a segment of {len(points)} points")
         self._put("points", points)
@@ -246,6 +251,7 @@ class SegmentWriter:
             "place": place,
             "class": label,
             "above_ground": above_ground,
+            "rings": np.zeros(CONTEXT, np.float32) if rings is None else rings,
         }
         for name, value in row.items():
             self._put(name, np.asarray(value)[None])

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from esm_train.plan import Plan
+
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
@@ -62,6 +64,12 @@ def metric_sizes(points: F32, offsets: I64, above_ground: F32, features: tuple[s
     }
     picked = [columns[name] for name in features]
     return np.stack(picked, axis=1).astype(np.float32) if picked else np.zeros((len(above), 0), np.float32)
+
+
+def measures(points: F32, offsets: I64, above_ground: F32, rings: F32, plan: Plan) -> F32:
+    """(N, plan.measures): the plan's sizes, then the context."""
+    table = metric_sizes(points, offsets, above_ground, plan.size_features)
+    return np.concatenate((table, rings.astype(np.float32)), axis=1) if plan.context else table
 
 
 def eigen_features(points: F32, offsets: I64) -> F32:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from esm_train.plan import CONTEXT
 from esm_train.segments import SegmentWriter
 
 F32 = npt.NDArray[np.float32]
@@ -105,6 +106,7 @@ def write_synthetic(
         world = np.random.default_rng([0, number, *key])
         label = int(world.integers(len(CLASSES)))
         surface, normals = object_surface(label, world)
+        around = np.abs(world.normal(0.2, 0.1, CONTEXT))
         where = np.array([number % columns, number // columns, 0.0]) * spacing_m
         for time in range(observations):
             eye = np.random.default_rng([1, visit, time, number, *key])
@@ -120,5 +122,6 @@ def write_synthetic(
                 visit=visit,
                 label=label,
                 above_ground=0.0,
+                rings=np.abs(around + eye.normal(0.0, 0.03, CONTEXT)).astype(np.float32),
             )
     writer.close()

@@ -34,7 +34,7 @@ from esm_train.inputs import Inputs, TrainingBatches
 from esm_train.losses import Loss, parted_loss
 from esm_train.model import DESCRIPTOR_GAIN, EsmNet, parameter_groups
 from esm_train.plan import BN_MOMENTUM, Plan
-from esm_train.sizes import metric_sizes
+from esm_train.sizes import measures
 from esm_train.validation import Validation, converged, open_corpus, open_sides
 
 
@@ -84,16 +84,16 @@ def learning_rate(config: Config, step: int) -> float:
     return rate * min(1.0, (step + 1) / (o.warmup_steps + 1))
 
 
-def size_statistics(corpus: Corpus, plan: Plan, count: int, seed: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Mean and deviation of the sizes over at most `count` segments."""
+def measures_statistics(corpus: Corpus, plan: Plan, count: int, seed: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """Mean and deviation of sizes and context over at most `count` segments."""
     rows = np.random.default_rng([seed, 3]).permutation(len(corpus))[:count]
     pieces = [
-        metric_sizes(*corpus.gather(part), corpus.above_ground[part], plan.size_features)
+        measures(*corpus.gather(part), corpus.above_ground[part], corpus.rings[part], plan)
         for part in np.array_split(rows, max(1, len(rows) // 1024))
     ]
     table = np.concatenate(pieces).astype(np.float64)
     known = np.asarray(np.isfinite(table).any(axis=0))
-    unknown = [f for f, k in zip(plan.size_features, known, strict=True) if not k]
+    unknown = [f for f, k in zip(plan.size_features, known, strict=False) if not k]
     if unknown:
         raise TrainError(f"size {', '.join(unknown)} is unknown in all training segments", "set above_ground = false")
     std = np.maximum(np.nanstd(table, axis=0), 1e-3)
@@ -145,9 +145,11 @@ class Trainer:
         if self.latest.exists():
             raise TrainError(f"{self.latest} exists already", "continue with --resume, or set another run.out")
         if self.plan.sizes:
-            mean, std = size_statistics(self.corpus, self.plan, self.config.data.size_statistics, self.config.run.seed)
-            self.model.size_mean.copy_(mean)
-            self.model.size_std.copy_(std)
+            mean, std = measures_statistics(
+                self.corpus, self.plan, self.config.data.size_statistics, self.config.run.seed
+            )
+            self.model.measures_mean.copy_(mean)
+            self.model.measures_std.copy_(std)
         if self.plan.size_mode in ("beside", "both"):
             nn.init.constant_(self.model.size_log_weight, math.log(self.config.network.size_weight))
         with torch.no_grad():
@@ -241,7 +243,7 @@ class Trainer:
         self._average_first_batches()
         inputs = inputs.to(self.device, self.plan)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=config.run.precision == "bf16"):
-            descriptors = network(inputs.points, inputs.neighbours, inputs.sizes)
+            descriptors = network(inputs.points, inputs.neighbours, inputs.measures)
         loss = parted_loss(descriptors, self.plan.learned_dim, labels, config.loss)
         if not bool(torch.isfinite(loss.total)):
             raise TrainError(f"step {self.step}: the loss is not finite", "lower optim.learning_rate, or set clip_norm")

@@ -21,10 +21,12 @@ from esm_train.plan import BN_EPS, Plan, XConvSpec
 F32 = npt.NDArray[np.float32]
 
 FORMAT = "esm-weights"
-VERSION = "1"
+VERSION = "2"
 ARCHITECTURE = "xconv-4"
 NORMALISATIONS = {False: "mean,rms,floor=0.001", True: "mean,turn,rms,floor=0.001"}
 """How points become inputs, by whether they are turned."""
+CONTEXTS = {False: "none", True: "rings-7x4"}
+"""What is told about a segment's surroundings, by whether anything is."""
 
 
 @dataclass
@@ -86,11 +88,13 @@ def to_weights(model: EsmNet, quality: QualityHead | None, facts: dict[str, str]
         ("fc2", model.fc2),
     ):
         tensors |= _dense(name, dense)
+    if plan.context:
+        tensors |= _dense("join", model.join)
     tensors["fc3.weight"] = _numpy(model.fc3_weight)
     tensors["fc3.bias"] = _numpy(model.fc3_bias)
     if plan.size_mode != "none":
-        tensors["size.mean"] = _numpy(model.size_mean)
-        tensors["size.std"] = _numpy(model.size_std)
+        tensors["measures.mean"] = _numpy(model.measures_mean)
+        tensors["measures.std"] = _numpy(model.measures_std)
     if plan.size_mode in ("fc", "both"):
         tensors["fc1.size_weight"] = _numpy(model.fc1_size_weight)
     if plan.size_mode in ("beside", "both"):
@@ -122,6 +126,7 @@ def _metadata(plan: Plan) -> dict[str, str]:
         "learned_dim": str(plan.learned_dim),
         "size_mode": plan.size_mode,
         "size_features": listed(plan.size_features),
+        "context": CONTEXTS[plan.context],
         "descriptor_dim": str(plan.descriptor_dim),
         "normalisation": NORMALISATIONS[plan.turned],
         "parameters": str(plan.parameters()),
@@ -182,6 +187,7 @@ def plan_of(weights: Weights, file: Path) -> Plan:
             size_features=tuple(features.split(",")) if features else (),
             input_points=int(metadata["input_points"]),
             turned={text: turned for turned, text in NORMALISATIONS.items()}[metadata["normalisation"]],
+            context={text: context for context, text in CONTEXTS.items()}[metadata["context"]],
         )
     except (KeyError, ValueError, IndexError) as error:
         raise TrainError(f"{file}: header: {error}") from None
@@ -206,11 +212,13 @@ def load_network(file: Path) -> tuple[EsmNet, QualityHead, dict[str, str]]:
             _load_xconv(f"xconv{number}", layer, t)
         for name in ("global1", "global2", "fc1", "fc2"):
             _load_dense(name, getattr(model, name), t)
+        if plan.context:
+            _load_dense("join", model.join, t)
         model.fc3_weight.copy_(torch.from_numpy(t["fc3.weight"]))
         model.fc3_bias.copy_(torch.from_numpy(t["fc3.bias"]))
         if plan.size_mode != "none":
-            model.size_mean.copy_(torch.from_numpy(t["size.mean"]))
-            model.size_std.copy_(torch.from_numpy(t["size.std"]))
+            model.measures_mean.copy_(torch.from_numpy(t["measures.mean"]))
+            model.measures_std.copy_(torch.from_numpy(t["measures.std"]))
         if plan.size_mode in ("fc", "both"):
             model.fc1_size_weight.copy_(torch.from_numpy(t["fc1.size_weight"]))
         if plan.size_mode in ("beside", "both"):

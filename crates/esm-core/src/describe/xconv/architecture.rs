@@ -82,8 +82,9 @@ impl PointPlan {
         None
     }
 
-    /// Multiply-adds for one segment, activations and neighbour search not counted.
-    pub(super) fn multiply_adds(&self, learned: usize) -> usize {
+    /// Multiply-adds for one segment, activations and neighbour search not counted. `measures` enter where
+    /// they are joined with the shape; 0: they are not.
+    pub(super) fn multiply_adds(&self, learned: usize, measures: usize) -> usize {
         let layers = LAYER_TABLE.iter().zip(self.0).map(|(layer, points)| {
             let k = layer.neighbours;
             let cin = layer.lift + layer.previous;
@@ -94,7 +95,8 @@ impl PointPlan {
             points * (lift + transform + mixed + separable)
         });
         let head = 3 * GLOBAL + GLOBAL * GLOBAL + (GLOBAL + LAYER_TABLE[3].channels) * FC1 + FC1 * FC2;
-        layers.sum::<usize>() + self.0[LAYERS - 1] * head + FC2 * learned
+        let join = if measures > 0 { (FC2 + measures) * FC2 } else { 0 };
+        layers.sum::<usize>() + self.0[LAYERS - 1] * head + FC2 * learned + join
     }
 }
 
@@ -105,7 +107,7 @@ mod tests {
     /// The figures the reference calculates for the full network and for inner down-sampling.
     #[test]
     fn multiply_adds_are_those_of_the_reference() {
-        let millions = |plan| (PointPlan(plan).multiply_adds(16) as f64 / 1e4).round() / 100.0;
+        let millions = |plan| (PointPlan(plan).multiply_adds(16, 0) as f64 / 1e4).round() / 100.0;
         assert_eq!(millions([256; 4]), 98.40);
         assert_eq!((millions([256, 256, 120, 120]) * 10.0).round() / 10.0, 50.2);
         assert_eq!((millions([256, 128, 64, 64]) * 10.0).round() / 10.0, 27.6);

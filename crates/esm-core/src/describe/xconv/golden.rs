@@ -28,9 +28,9 @@ fn compare(weights: &Path, golden: &Path) {
     let file = SafeTensors::deserialize(&bytes).unwrap();
     let (shape, points) = tensor(&file, "points");
     let points = points.as_chunks::<3>().0;
-    let features = descriptor.network.header.size_features;
-    let sizes = if features > 0 { tensor(&file, "sizes").1 } else { Vec::new() };
-    let sizes: Vec<f64> = sizes.into_iter().map(f64::from).collect();
+    let each = descriptor.network.header.measures();
+    let measures = if each > 0 { tensor(&file, "measures").1 } else { Vec::new() };
+    let measures: Vec<f64> = measures.into_iter().map(f64::from).collect();
     let (dim, want) = tensor(&file, "descriptor");
     let (_, quality) = tensor(&file, "quality");
     let mut workspace = descriptor.network.workspace();
@@ -38,7 +38,7 @@ fn compare(weights: &Path, golden: &Path) {
     let mut off = [0f32; 2];
     for n in 0..shape[0] {
         workspace.points = points[n * INPUT_POINTS..][..INPUT_POINTS].to_vec();
-        let q = descriptor.network.describe(&mut workspace, &sizes[n * features..][..features], &mut row);
+        let q = descriptor.network.describe(&mut workspace, &measures[n * each..][..each], &mut row);
         for (l, layer) in architecture::LAYER_TABLE.iter().enumerate() {
             let (shape, want) = tensor(&file, &format!("xconv{}.neighbours", l + 1));
             let each = shape[1] * shape[2];

@@ -28,7 +28,7 @@ use self::weights::Weights;
 use super::shape::log_sizes;
 use super::{Descriptions, Descriptor};
 use crate::error::Error;
-use crate::segment::Segment;
+use crate::segment::{Context, RING_NUMBERS, RINGS, Segment};
 
 /// A learned descriptor: the network with the weights of one file.
 pub struct XConv {
@@ -69,22 +69,23 @@ impl XConv {
 
     /// Multiply-adds for one segment.
     pub fn multiply_adds(&self) -> usize {
-        self.network.header.plan.multiply_adds(self.network.header.learned)
+        let header = &self.network.header;
+        header.plan.multiply_adds(header.learned, if header.context { header.measures() } else { 0 })
     }
 
-    /// Describes inputs that are sampled and normalised already: `points` holds 256 for each, `sizes` the sizes of the header
-    /// (NaN where unknown). For comparing with other programs.
+    /// Describes inputs that are sampled and normalised already: `points` holds 256 for each, `measures` the sizes of the
+    /// header (NaN where unknown), then the context. For comparing with other programs.
     ///
     /// # Panics
     /// Where the lengths do not fit together.
-    pub fn describe_normalised(&self, points: &[[f32; 3]], sizes: &[f64]) -> Descriptions {
-        let features = self.network.header.size_features;
+    pub fn describe_normalised(&self, points: &[[f32; 3]], measures: &[f64]) -> Descriptions {
+        let each = self.network.header.measures();
         assert_eq!(points.len() % INPUT_POINTS, 0, "256 points a segment");
-        assert_eq!(sizes.len(), points.len() / INPUT_POINTS * features, "{features} sizes a segment");
+        assert_eq!(measures.len(), points.len() / INPUT_POINTS * each, "{each} measures a segment");
         self.rows(points.len() / INPUT_POINTS, |n, workspace, row| {
             workspace.points.clear();
             workspace.points.extend_from_slice(&points[n * INPUT_POINTS..][..INPUT_POINTS]);
-            (self.network.describe(workspace, &sizes[n * features..][..features], row), Duration::ZERO)
+            (self.network.describe(workspace, &measures[n * each..][..each], row), Duration::ZERO)
         })
     }
 
@@ -133,13 +134,16 @@ impl Descriptor for XConv {
             let start = Instant::now();
             let turned = self.network.header.turned;
             sample::sample(&segments[n], turned, &mut workspace.order, &mut workspace.points);
-            // The seventh, height above the ground, is not known here.
-            let mut sizes = [f64::NAN; 7];
+            let mut measures = [f64::NAN; 7 + RINGS * RING_NUMBERS];
             if features > 0 {
-                sizes[..6].copy_from_slice(&log_sizes(&segments[n]));
+                measures[..6].copy_from_slice(&log_sizes(&segments[n]));
             }
+            let Context { above_ground, rings } = &segments[n].context;
+            measures[6] = above_ground.map_or(f64::NAN, |h| f64::from(h).max(0.0).ln_1p());
+            let around = rings.iter().flatten().map(|v| f64::from(*v));
+            measures[features..].iter_mut().zip(around).for_each(|(to, v)| *to = v);
             let spent = start.elapsed();
-            (self.network.describe(workspace, &sizes[..features], row), spent)
+            (self.network.describe(workspace, &measures[..self.network.header.measures()], row), spent)
         })
     }
 }

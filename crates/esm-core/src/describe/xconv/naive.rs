@@ -18,7 +18,7 @@ type Tensors = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
 type Put<'a> = &'a mut dyn FnMut(String, &[usize], f32, f32);
 
 /// Random weights of the right shapes, with a header.
-fn random(variant: &str, plan: &str, size_mode: &str, seed: u64) -> (Tensors, BTreeMap<String, String>) {
+fn random(variant: &str, plan: &str, size_mode: &str, context: bool, seed: u64) -> (Tensors, BTreeMap<String, String>) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform =
         move |low: f32, high: f32| low + (high - low) * (random.next_u32() as f32 / 4_294_967_296.0);
@@ -66,8 +66,13 @@ fn random(variant: &str, plan: &str, size_mode: &str, seed: u64) -> (Tensors, BT
     let (beside, connected) = (matches!(size_mode, "beside" | "both"), matches!(size_mode, "fc" | "both"));
     let sizes = if beside || connected { 6 } else { 0 };
     if sizes > 0 {
-        put("size.mean".into(), &[sizes], -1.0, 1.0);
-        put("size.std".into(), &[sizes], 0.4, 1.0);
+        let measures = sizes + if context { 28 } else { 0 };
+        put("measures.mean".into(), &[measures], -1.0, 1.0);
+        put("measures.std".into(), &[measures], 0.4, 1.0);
+        if context {
+            matrix(&mut put, "join.weight".into(), &[FC2 + measures, FC2], FC2 + measures);
+            norm(&mut put, "join", FC2);
+        }
     }
     if beside {
         put("size.weight".into(), &[sizes], 0.2, 1.0);
@@ -81,7 +86,7 @@ fn random(variant: &str, plan: &str, size_mode: &str, seed: u64) -> (Tensors, BT
     let dim = dim.to_string();
     let header = [
         ("format", "esm-weights"),
-        ("format_version", "1"),
+        ("format_version", "2"),
         ("architecture", "xconv-4"),
         ("variant", variant),
         ("input_points", "256"),
@@ -93,6 +98,7 @@ fn random(variant: &str, plan: &str, size_mode: &str, seed: u64) -> (Tensors, BT
         ("learned_dim", "16"),
         ("size_mode", size_mode),
         ("size_features", if sizes > 0 { "sigma1,sigma2,sigma3,height,extent1,extent2" } else { "" }),
+        ("context", if context { "rings-7x4" } else { "none" }),
         ("descriptor_dim", &dim),
         ("normalisation", "mean,rms,floor=0.001"),
         ("quality_temperature", "1.25"),
@@ -194,7 +200,13 @@ impl Naive<'_> {
             .collect()
     }
 
-    fn run(&self, points: &[[f32; 3]], plan: [usize; LAYERS], sizes: &[f64], mode: &str) -> (Vec<f64>, f64) {
+    fn run(
+        &self,
+        points: &[[f32; 3]],
+        plan: [usize; LAYERS],
+        measures: &[f64],
+        mode: &str,
+    ) -> (Vec<f64>, f64) {
         let mut features: Vec<Vec<f64>> = Vec::new();
         let mut sources = 256;
         for (n, kept) in plan.into_iter().enumerate() {
@@ -204,13 +216,13 @@ impl Naive<'_> {
         let z: Vec<f64> = if mode == "none" {
             Vec::new()
         } else {
-            let (mean, std) = (self.w("size.mean"), self.w("size.std"));
-            let z = sizes.iter().zip(mean).zip(std).map(|((s, m), d)| (s - m) / d);
+            let (mean, std) = (self.w("measures.mean"), self.w("measures.std"));
+            let z = measures.iter().zip(mean).zip(std).map(|((s, m), d)| (s - m) / d);
             z.map(|z| if z.is_nan() { 0.0 } else { z }).collect()
         };
         let row: Vec<f64> = if matches!(mode, "fc" | "both") {
             let w = self.w("fc1.size_weight");
-            (0..FC1).map(|c| z.iter().enumerate().map(|(s, z)| z * w[s * FC1 + c]).sum()).collect()
+            (0..FC1).map(|c| z[..6].iter().enumerate().map(|(s, z)| z * w[s * FC1 + c]).sum()).collect()
         } else {
             Vec::new()
         };
@@ -221,6 +233,10 @@ impl Naive<'_> {
             g.extend(f);
             let h = self.dense("fc2", &self.dense("fc1", &g, &row), &[]);
             mean.iter_mut().zip(h).for_each(|(m, h)| *m += h / features.len() as f64);
+        }
+        if self.0.contains_key("join.weight") {
+            mean.extend(&z);
+            mean = self.dense("join", &mean, &[]);
         }
         let (w, bias) = (self.w("fc3.weight"), self.w("fc3.bias"));
         let mut d: Vec<f64> = (0..16)
@@ -261,25 +277,32 @@ fn processors() -> Vec<Arch> {
 #[test]
 fn the_pass_is_the_restated_one() {
     let cases = [
-        ("esm-paper", [256, 256, 256, 256], "none"),
-        ("esm-swift", [256, 96, 64, 48], "beside"),
-        ("esm-swift", [128, 65, 64, 47], "both"),
-        ("esm", [256, 96, 64, 64], "fc"),
+        ("esm-paper", [256, 256, 256, 256], "none", false),
+        ("esm-swift", [256, 96, 64, 48], "beside", false),
+        ("esm-swift", [128, 65, 64, 47], "both", true),
+        ("esm", [256, 96, 64, 64], "fc", false),
+        ("esm", [256, 96, 64, 64], "beside", true),
     ];
-    for (n, (variant, plan, mode)) in cases.into_iter().enumerate() {
+    for (n, (variant, plan, mode, context)) in cases.into_iter().enumerate() {
         let text = plan.map(|p| p.to_string()).join(",");
-        let (tensors, header) = random(variant, &text, mode, n as u64);
+        let (tensors, header) = random(variant, &text, mode, context, n as u64);
         let points = blob(n as u64);
-        let sizes = [0.3, -0.5, f64::NAN, 0.8, 1.1, 0.2];
-        let sizes = if mode == "none" { &sizes[..0] } else { &sizes[..] };
-        let (want, quality) = Naive(&tensors).run(&points, plan, sizes, mode);
+        let measures = [0.3, -0.5, f64::NAN, 0.8, 1.1, 0.2];
+        let around = (0..28).map(|i| f64::from(i) / 20.0 - 0.7);
+        let measures: Vec<f64> = measures.into_iter().chain(around).collect();
+        let measures = match (mode, context) {
+            ("none", _) => &measures[..0],
+            (_, false) => &measures[..6],
+            (_, true) => &measures[..],
+        };
+        let (want, quality) = Naive(&tensors).run(&points, plan, measures, mode);
         for arch in processors() {
             let descriptor =
                 XConv::for_processor(&file(&tensors, &header), Path::new("random"), arch).unwrap();
-            let found = descriptor.describe_normalised(&points, sizes);
+            let found = descriptor.describe_normalised(&points, measures);
             assert_eq!(found.values.len(), want.len());
             for (a, b) in found.values.iter().zip(&want) {
-                assert!((f64::from(*a) - b).abs() < 1e-5, "{variant} {mode} {arch:?}: {a} {b}");
+                assert!((f64::from(*a) - b).abs() < 1e-5, "{variant} {mode} {context} {arch:?}: {a} {b}");
             }
             assert!((f64::from(found.quality[0]) - quality).abs() < 1e-5, "{variant} {mode} {arch:?}");
         }
@@ -289,7 +312,7 @@ fn the_pass_is_the_restated_one() {
 /// One thread or many, alone or in a batch, first or later: the same bits.
 #[test]
 fn rows_depend_on_their_segment_alone() {
-    let (tensors, header) = random("esm-swift", "256,96,64,48", "beside", 9);
+    let (tensors, header) = random("esm-swift", "256,96,64,48", "beside", true, 9);
     let descriptor = XConv::from_bytes(&file(&tensors, &header), "random").unwrap();
     let segments: Vec<Segment> = (0..12)
         .map(|n| {
@@ -310,7 +333,7 @@ fn rows_depend_on_their_segment_alone() {
 /// The order of the points within a sample changes neighbours' numbers, not what is computed.
 #[test]
 fn the_full_network_does_not_see_the_order_of_points() {
-    let (tensors, header) = random("esm-paper", "256,256,256,256", "none", 4);
+    let (tensors, header) = random("esm-paper", "256,256,256,256", "none", false, 4);
     let descriptor = XConv::from_bytes(&file(&tensors, &header), "random").unwrap();
     let points = blob(3);
     let turned: Vec<[f32; 3]> = points.iter().rev().copied().collect();
@@ -326,7 +349,7 @@ fn refused(tensors: &Tensors, header: &BTreeMap<String, String>) -> String {
 
 #[test]
 fn wrong_weights_are_refused_with_a_reason() {
-    let (tensors, header) = random("esm", "256,256,256,256", "beside", 5);
+    let (tensors, header) = random("esm", "256,256,256,256", "beside", true, 5);
     let with = |key: &str, value: &str| {
         let mut header = header.clone();
         header.insert(key.to_owned(), value.to_owned());
@@ -340,6 +363,7 @@ fn wrong_weights_are_refused_with_a_reason() {
     assert!(with("point_plan", "1,2").contains("four numbers"));
     assert!(with("size_mode", "none").contains("size_features"));
     assert!(with("descriptor_dim", "16").contains("its parts have 22"));
+    assert!(with("context", "maps").contains("none or rings-7x4"));
     assert!(with("quality_temperature", "NaN").contains("above 0"));
     let mut short = header.clone();
     short.remove("format");
@@ -357,9 +381,12 @@ fn wrong_weights_are_refused_with_a_reason() {
     let mut broken = tensors.clone();
     broken.insert("decoder".into(), (vec![1], vec![0.0]));
     assert!(refused(&broken, &header).contains("decoder is not part of this network"));
+    let mut broken = tensors.clone();
+    broken.remove("join.weight");
+    assert!(refused(&broken, &header).contains("join.weight is missing"));
     let mut broken = tensors;
-    broken.get_mut("size.std").unwrap().1[0] = 0.0;
-    assert!(refused(&broken, &header).contains("size.std must be above 0"));
+    broken.get_mut("measures.std").unwrap().1[0] = 0.0;
+    assert!(refused(&broken, &header).contains("measures.std must be above 0"));
 }
 
 proptest! {
@@ -367,7 +394,7 @@ proptest! {
     /// Torn and altered files give an error or, where a number changed, other numbers: never a panic.
     #[test]
     fn damaged_bytes_never_panic(cut in 0usize..6000, flip in 0usize..6000, bit in 0u8..8) {
-        let (tensors, header) = random("esm", "256,256,256,256", "beside", 6);
+        let (tensors, header) = random("esm", "256,256,256,256", "beside", true, 6);
         let bytes = file(&tensors, &header);
         prop_assert!(XConv::from_bytes(&bytes[..cut.min(bytes.len() - 1)], "cut").is_err());
         let mut bytes = bytes;

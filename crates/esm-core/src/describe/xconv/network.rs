@@ -112,6 +112,21 @@ impl XConv {
     }
 }
 
+/// The layer that joins the second fully connected one's output, with its batch norm folded in, and the measures.
+fn join(
+    weights: &mut Weights<'_>,
+    measures: usize,
+    [scale, shift]: [&[f64]; 2],
+    width: usize,
+) -> Result<RowsWeights, Error> {
+    let matrix = weights.take("join.weight", &[FC2 + measures, FC2])?;
+    let norm = weights.norm("join", FC2)?;
+    let (top, rest) = matrix.split_at(FC2 * FC2);
+    let bias = through(shift, top);
+    let folded: Vec<f64> = scaled(top, scale).iter().chain(rest).copied().collect();
+    Ok(RowsWeights::pack(&folded, FC2, [&bias, &norm[0], &norm[1]], width))
+}
+
 /// What the pass of a segment needs in memory; made once, used for segment after segment.
 pub(super) struct Workspace {
     pub(super) search: Search,
@@ -130,6 +145,9 @@ pub(super) struct Workspace {
     fc1: Vec<f32>,
     fc2: Vec<f32>,
     bias: Vec<f32>,
+    /// Measures in units of their deviation.
+    z: Vec<f64>,
+    join: [Vec<f32>; 2],
 }
 
 /// One network, ready to run.
@@ -140,11 +158,14 @@ pub(super) struct Network {
     global: [RowsWeights; 2],
     fc1: RowsWeights,
     fc2: RowsWeights,
-    /// 128 x learned, row-major, with the batch norm before it folded in, and the bias.
+    /// Shape, sizes and context in, with the batch norm before it folded in.
+    join: Option<RowsWeights>,
+    /// 128 x learned, row-major, and the bias; without a joining layer with the batch norm before it folded in.
     fc3: [Vec<f64>; 2],
-    /// Mean, one over deviation; weight beside the learned numbers; rows for the first fully connected layer.
-    size_mean: Vec<f64>,
-    size_gain: Vec<f64>,
+    /// Mean and one over deviation of the measures.
+    mean: Vec<f64>,
+    gain: Vec<f64>,
+    /// Of the sizes: weight beside the learned numbers; rows for the first fully connected layer.
     size_weight: Vec<f64>,
     size_rows: Vec<f64>,
     quality: [Vec<f64>; 2],
@@ -182,10 +203,16 @@ impl Network {
         let [scale1, shift1] = weights.norm("fc1", FC1)?;
         let fc2 = weights.take("fc2.weight", &[FC1, FC2])?;
         let [scale2, shift2] = weights.norm("fc2", FC2)?;
-        let fc3 = weights.take("fc3.weight", &[FC2, header.learned])?;
+        let mut fc3 = weights.take("fc3.weight", &[FC2, header.learned])?;
         let mut bias = weights.take("fc3.bias", &[header.learned])?;
-        bias.iter_mut().zip(through(&shift2, &fc3)).for_each(|(b, s)| *b += s);
-        let fc3 = [scaled(&fc3, &scale2), bias];
+        let join = if header.context {
+            Some(join(&mut weights, header.measures(), [&scale2, &shift2], width)?)
+        } else {
+            bias.iter_mut().zip(through(&shift2, &fc3)).for_each(|(b, s)| *b += s);
+            fc3 = scaled(&fc3, &scale2);
+            None
+        };
+        let fc3 = [fc3, bias];
         let fc2 = RowsWeights::pack(
             &scaled(&fc2, &scale1),
             FC2,
@@ -194,16 +221,16 @@ impl Network {
         );
         let fc1 = RowsWeights::pack(&fc1, FC1, [&none, &one, &none], width);
 
-        let s = header.size_features;
-        let (mut size_mean, mut size_gain, mut size_weight, mut size_rows) =
+        let (s, m) = (header.size_features, header.measures());
+        let (mut mean, mut gain, mut size_weight, mut size_rows) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        if s > 0 {
-            size_mean = weights.take("size.mean", &[s])?;
-            size_gain = weights.take("size.std", &[s])?;
-            if size_gain.iter().any(|d| *d <= 0.0) {
-                return Err(weights.flaw("tensor size.std must be above 0"));
+        if m > 0 {
+            mean = weights.take("measures.mean", &[m])?;
+            gain = weights.take("measures.std", &[m])?;
+            if gain.iter().any(|d| *d <= 0.0) {
+                return Err(weights.flaw("tensor measures.std must be above 0"));
             }
-            size_gain.iter_mut().for_each(|d| *d = 1.0 / *d);
+            gain.iter_mut().for_each(|d| *d = 1.0 / *d);
         }
         if header.sizes.beside {
             size_weight = weights.take("size.weight", &[s])?;
@@ -221,9 +248,10 @@ impl Network {
             global,
             fc1,
             fc2,
+            join,
             fc3,
-            size_mean,
-            size_gain,
+            mean,
+            gain,
             size_weight,
             size_rows,
             quality,
@@ -256,27 +284,31 @@ impl Network {
             fc1: zeros(BLOCK * FC1),
             fc2: zeros(BLOCK * FC2),
             bias: Vec::with_capacity(FC1),
+            z: Vec::new(),
+            join: [Vec::new(), zeros(FC2)],
         }
     }
 
-    /// Describes the 256 normalised points in the workspace. `sizes` are the metric sizes as the header lists them, NaN
-    /// where unknown. Fills the descriptor and returns the quality.
-    pub(super) fn describe(&self, w: &mut Workspace, sizes: &[f64], out: &mut [f32]) -> f32 {
+    /// Describes the 256 normalised points in the workspace. `measures` are the metric sizes as the header lists them, NaN
+    /// where unknown, then the context. Fills the descriptor and returns the quality.
+    pub(super) fn describe(&self, w: &mut Workspace, measures: &[f64], out: &mut [f32]) -> f32 {
         w.search.lists(&w.points, &self.header.plan, &mut w.lists);
         for layer in 0..LAYERS {
             self.xconv(layer, w);
         }
-        // Sizes in units of their deviation; what is not known is the mean.
-        let sizes = sizes.iter().zip(&self.size_mean).zip(&self.size_gain);
-        let z = sizes.map(|((s, mean), gain)| if s.is_finite() { (s - mean) * gain } else { 0.0 });
-        let mean = self.head(w, z.clone());
+        // What is not known is the mean.
+        let measures = measures.iter().zip(&self.mean).zip(&self.gain);
+        w.z.clear();
+        w.z.extend(measures.map(|((s, mean), gain)| if s.is_finite() { (s - mean) * gain } else { 0.0 }));
+        let mean = self.head(w);
+        let mean = self.joined(w, mean);
         let [fc3, bias] = &self.fc3;
         let learned = self.header.learned;
         for (n, out) in out[..learned].iter_mut().enumerate() {
             let sum: f64 = mean.iter().zip(fc3[n..].iter().step_by(learned)).map(|(m, w)| m * w).sum();
             *out = (sum + bias[n]) as f32;
         }
-        for ((out, z), weight) in out[learned..].iter_mut().zip(z).zip(&self.size_weight) {
+        for ((out, z), weight) in out[learned..].iter_mut().zip(&w.z).zip(&self.size_weight) {
             *out = (z * weight) as f32;
         }
         let [weight, bias] = &self.quality;
@@ -364,11 +396,11 @@ impl Network {
 
     /// The global branch and the fully connected layers; returns the mean over the points of what leaves the second one,
     /// before its batch norm.
-    fn head(&self, w: &mut Workspace, z: impl Iterator<Item = f64>) -> [f64; FC2] {
+    fn head(&self, w: &mut Workspace) -> [f64; FC2] {
         let kept = self.header.plan.0[LAYERS - 1];
         w.bias.clear();
         w.bias.extend_from_slice(&self.fc1.bias);
-        for (row, z) in self.size_rows.chunks_exact(FC1).zip(z) {
+        for (row, z) in self.size_rows.chunks_exact(FC1).zip(&w.z) {
             w.bias.iter_mut().zip(row).for_each(|(b, r)| *b += (z * r) as f32);
         }
         let mut mean = [0f64; FC2];
@@ -420,5 +452,23 @@ impl Network {
             }
         }
         mean.map(|m| m / kept as f64)
+    }
+
+    /// Joins what the points say with sizes and context, where the network does.
+    fn joined(&self, w: &mut Workspace, mean: [f64; FC2]) -> [f64; FC2] {
+        let Some(join) = &self.join else { return mean };
+        let [input, output] = &mut w.join;
+        input.clear();
+        input.extend(mean.iter().chain(&w.z).map(|v| *v as f32));
+        self.arch.dispatch(Rows {
+            weights: join,
+            bias: &join.bias,
+            input,
+            input_pitch: input.len(),
+            output,
+            output_pitch: FC2,
+            count: 1,
+        });
+        std::array::from_fn(|n| f64::from(output[n]))
     }
 }

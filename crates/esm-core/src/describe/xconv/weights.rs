@@ -7,6 +7,7 @@ use safetensors::{Dtype, SafeTensors};
 
 use super::architecture::{INPUT_POINTS, LAYER_TABLE, LAYERS, PointPlan};
 use crate::error::Error;
+use crate::segment::{RING_NUMBERS, RINGS};
 
 /// Larger files are no weights of this network, which has some 300 thousand numbers: bytes.
 const MOST_BYTES: u64 = 64 << 20;
@@ -37,6 +38,8 @@ pub(super) struct Header {
     pub(super) sizes: SizeMode,
     /// Number of size features, 0, 6 or 7.
     pub(super) size_features: usize,
+    /// Whether what stands around a segment enters.
+    pub(super) context: bool,
     pub(super) learned: usize,
     pub(super) dim: usize,
     pub(super) temperature: f64,
@@ -128,6 +131,11 @@ impl<'a> Weights<'a> {
 }
 
 impl Header {
+    /// Numbers that enter beside the points: sizes, then context.
+    pub(super) fn measures(&self) -> usize {
+        self.size_features + if self.context { RINGS * RING_NUMBERS } else { 0 }
+    }
+
     fn parse(metadata: BTreeMap<String, String>) -> Result<Self, String> {
         let get = |key: &str| {
             let text = metadata.get(key).map(String::as_str);
@@ -141,7 +149,7 @@ impl Header {
             LAYER_TABLE.iter().map(of).collect::<Vec<_>>().join(",")
         };
         expect("format", "esm-weights")?;
-        expect("format_version", "1")?;
+        expect("format_version", "2")?;
         expect("architecture", "xconv-4")?;
         expect("input_points", &INPUT_POINTS.to_string())?;
         expect("neighbours", &list(|l| format!("{}x{}", l.neighbours, l.dilation)))?;
@@ -188,6 +196,12 @@ impl Header {
         if !known {
             return Err(format!("size_features is `{features}`, which this version cannot measure"));
         }
+        let context = match get("context")? {
+            "none" => false,
+            "rings-7x4" if any => true,
+            "rings-7x4" => return Err("context is `rings-7x4`, which goes with sizes only".to_owned()),
+            other => return Err(format!("context is `{other}`, must be none or rings-7x4")),
+        };
         let learned = number("learned_dim", 1..=64)?;
         let dim = number("descriptor_dim", 1..=128)?;
         let want = learned + if sizes.beside { names.len() } else { 0 };
@@ -206,6 +220,7 @@ impl Header {
             turned,
             sizes,
             size_features: names.len(),
+            context,
             learned,
             dim,
             temperature,
