@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::common::{esm, folder, names, shared};
 
-const FILES: [&str; 10] = [
+const FILES: [&str; 11] = [
     "above_ground.npy",
     "centroid_map.npy",
     "class.npy",
@@ -18,6 +18,7 @@ const FILES: [&str; 10] = [
     "offsets.npy",
     "place.npy",
     "points.npy",
+    "rings.npy",
     "visit.npy",
 ];
 

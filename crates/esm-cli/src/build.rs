@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use esm_core::{Accumulator, Config, Map, MapBuilder};
+use esm_core::{Config, Map, MapBuilder};
 use esm_io::InputKind;
 
 use crate::args::{BuildArgs, LiveArgs};
@@ -26,9 +26,7 @@ pub(crate) fn build(args: &BuildArgs) -> anyhow::Result<Map> {
     check_distinct(&args.inputs)?;
     check_target(&args.output, &args.inputs)?;
     let live = LiveArgs { accumulate: args.accumulate, swathes: false };
-    let mut config = settings::configure(&args.tune, &live)?.config;
-    // The builder chooses its windows; the path needs every scan.
-    config.accumulate.swathes = false;
+    let config = settings::configure(&args.tune, &live)?.config;
     let kinds = args.inputs.iter().map(esm_io::classify).collect::<Result<Vec<_>, _>>()?;
     let builder = match (&args.inputs[..], kinds.contains(&InputKind::PriorCloud)) {
         ([cloud], true) => from_prior_cloud(cloud, args, &config)?,
@@ -67,18 +65,15 @@ fn from_recordings(args: &BuildArgs, config: &Config) -> anyhow::Result<MapBuild
         )
         .into());
     }
-    let mut accumulator = Accumulator::new(config.accumulate.clone())?;
     let (mut stretch, mut posed) = (0, 0);
     while let Some(frame) = frames.next()? {
         if std::mem::replace(&mut stretch, frame.stretch) != frame.stretch {
-            accumulator = Accumulator::new(config.accumulate.clone())?;
+            builder.interrupt()?;
         }
         // The reader tells how many have none.
         let Some(pose_map_sensor) = frame.sweep.pose_odom_sensor else { continue };
         posed += 1;
-        if let Some(live) = accumulator.push(frame.sweep.stamp, &frame.sweep.cloud, Some(pose_map_sensor)) {
-            builder.push(&live, &pose_map_sensor)?;
-        }
+        builder.push_sweep(frame.sweep.stamp, &frame.sweep.cloud, &pose_map_sensor)?;
     }
     if posed == 0 {
         return Err(Failure::new(

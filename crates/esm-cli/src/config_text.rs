@@ -55,6 +55,13 @@ const MEANINGS: &[(&str, &str)] = &[
     ("segment.tolerance", "Points nearer than this to each other belong to one segment, metres."),
     ("segment.min_points", "Fewest points of a segment, after thinning."),
     ("segment.max_points", "Most points of a segment, after thinning."),
+    ("segment.sparse", "What holds instead for sparse clouds, such as single sweeps."),
+    (
+        "segment.sparse.below",
+        "A cloud is sparse when it holds fewer points than this in each cubic metre that holds any above the ground; 0: never.",
+    ),
+    ("segment.sparse.tolerance", "Instead of tolerance, metres."),
+    ("segment.sparse.min_points", "Instead of min_points."),
     ("segment.ground", "What counts as ground."),
     ("segment.ground.band", "Height above the ground surface up to which a point is ground, metres."),
     (
@@ -120,6 +127,12 @@ const MEANINGS: &[(&str, &str)] = &[
         "map.window_step_m",
         "Metres of travel from one window to the next; each window is an accumulated cloud.",
     ),
+    (
+        "map.short_windows_m",
+        "Besides those of accumulate.distance_m, windows of these shorter lengths, metres; 0: single sweeps. Clouds that hold \
+         less travel are found in them.",
+    ),
+    ("map.short_step_m", "Metres of travel from one of those to the next."),
     (
         "map.merge_overlap",
         "Two segments are one object when their voxels overlap by at least this, intersection over union; above 1 nothing is merged.",

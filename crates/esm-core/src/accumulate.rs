@@ -107,6 +107,8 @@ pub struct LiveCloud {
     pub cloud: PointCloud,
     /// Pose of the newest sensor in the odometry frame, where the motion is known.
     pub pose_odom_sensor: Option<Pose>,
+    /// Metres of travel the cloud was meant to hold.
+    pub distance_m: f64,
     /// Metres of travel the cloud really holds.
     pub travel_m: f64,
     /// Sweeps in the cloud.
@@ -176,6 +178,7 @@ impl Accumulator {
                 stamp,
                 cloud: PointCloud::from_finite(points_sensor).0,
                 pose_odom_sensor: None,
+                distance_m: 0.0,
                 travel_m: 0.0,
                 sweeps: 1,
                 elapsed: started.elapsed(),
@@ -211,6 +214,7 @@ impl Accumulator {
                 stamp,
                 cloud: PointCloud::from_finite(points).0,
                 pose_odom_sensor: Some(pose),
+                distance_m: self.config.distance_m,
                 travel_m: held_m,
                 sweeps: self.kept.len() + 1,
                 elapsed: started.elapsed(),

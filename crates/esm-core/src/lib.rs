@@ -40,13 +40,10 @@
 //! let config = Config::default();
 //!
 //! // Yesterday: a posed drive becomes a map.
-//! let mut sweeps = Accumulator::new(config.accumulate.clone())?;
 //! let mut builder = MapBuilder::new(&config)?;
 //! for step in 0..4 {
 //!     let pose_map_sensor = Pose::translation(step as f64 * 2.0, 0.0, 1.7);
-//!     if let Some(live) = sweeps.push(step as f64, &sweep_at(&pose_map_sensor), Some(pose_map_sensor)) {
-//!         builder.push(&live, &pose_map_sensor)?;
-//!     }
+//!     builder.push_sweep(step as f64, &sweep_at(&pose_map_sensor), &pose_map_sensor)?;
 //! }
 //! let map = Arc::new(builder.finish()?); // map.write(path), Map::open(path)
 //!

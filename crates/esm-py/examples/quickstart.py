@@ -10,11 +10,9 @@ esm_py.simulate("train-forest", 101, "wood", scale=0.06)
 config = esm_py.Config({"accumulate": {"distance_m": 8.0}, "match": {"k": 10}})
 
 # Yesterday: a posed drive becomes a map.
-accumulator, builder = esm_py.Accumulator(config), esm_py.MapBuilder(config)
+builder = esm_py.MapBuilder(config)
 for sweep in esm_py.Recording("wood/map.mcap", poses="wood/map_truth.tum"):
-    live = accumulator.push(sweep.stamp, sweep.points, sweep.pose_odom_sensor)
-    if live is not None:
-        builder.push(live, sweep.pose_odom_sensor)
+    builder.push_sweep(sweep)
 builder.finish().write("wood.esm")
 
 # Today: every fourth cloud is looked for in all of the map.

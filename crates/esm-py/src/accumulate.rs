@@ -45,7 +45,15 @@ impl LiveCloud {
             return Err(bad_value("travel_m", format!("must be 0 m or more, got {travel_m}")));
         }
         let elapsed = Duration::ZERO;
-        Ok(Self::from_core(esm_core::LiveCloud { stamp, cloud, pose_odom_sensor, travel_m, sweeps, elapsed }))
+        Ok(Self::from_core(esm_core::LiveCloud {
+            stamp,
+            cloud,
+            pose_odom_sensor,
+            distance_m: travel_m,
+            travel_m,
+            sweeps,
+            elapsed,
+        }))
     }
 
     /// Seconds, of the newest sweep.

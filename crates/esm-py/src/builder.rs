@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use esm_core::Pose;
 use esm_core::map as core;
 use pyo3::prelude::*;
 
@@ -12,6 +13,7 @@ use crate::failure::Failure;
 use crate::input::{bad_value, cloud, position};
 use crate::map::Map;
 use crate::pose;
+use crate::recording::Sweep;
 use crate::threads::Threads;
 use crate::work::run;
 
@@ -61,10 +63,31 @@ impl MapBuilder {
         })
     }
 
-    /// Take the next cloud of the recording and where it was taken, and tell whether it was cut into segments.
+    /// Take the next sweep of the recording and where it was taken: windows of all lengths are accumulated and pushed.
     ///
-    /// Only every `map.window_step_m` one is; all count for the path. `pose_map_sensor`: shape (4, 4); without it the
-    /// odometry frame is the map frame, and the cloud's own `pose_odom_sensor` is taken.
+    /// `pose_map_sensor`: shape (4, 4); without it the odometry frame is the map frame, and the sweep's own
+    /// `pose_odom_sensor` is taken.
+    #[pyo3(signature = (sweep, pose_map_sensor=None))]
+    fn push_sweep(
+        &self,
+        py: Python<'_>,
+        sweep: &Bound<'_, Sweep>,
+        pose_map_sensor: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let sweep = Arc::clone(&sweep.get().inner);
+        let pose = pose_of(pose_map_sensor, sweep.pose_odom_sensor, "sweep")?;
+        self.with(py, move |builder| builder.push_sweep(sweep.stamp, &sweep.cloud, &pose))
+    }
+
+    /// Tell that the next sweep does not continue the last one: another recording, or a gap.
+    fn interrupt(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, core::MapBuilder::interrupt)
+    }
+
+    /// Take the next accumulated cloud of the recording and tell whether it was cut into segments.
+    ///
+    /// Only one every `map.window_step_m` is, of shorter ones than `accumulate.distance_m` one every `map.short_step_m`;
+    /// all count for the path. `pose_map_sensor`: as for `push_sweep`.
     #[pyo3(signature = (live, pose_map_sensor=None))]
     fn push(
         &self,
@@ -73,10 +96,7 @@ impl MapBuilder {
         pose_map_sensor: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<bool> {
         let live = Arc::clone(&live.get().inner);
-        let pose = pose::read_option(pose_map_sensor, "pose_map_sensor")?.or(live.pose_odom_sensor);
-        let pose = pose.ok_or_else(|| {
-            bad_value("pose_map_sensor", "is missing: this cloud has no pose_odom_sensor to stand for it")
-        })?;
+        let pose = pose_of(pose_map_sensor, live.pose_odom_sensor, "cloud")?;
         self.with(py, move |builder| builder.push(&live, &pose))
     }
 
@@ -107,4 +127,12 @@ impl MapBuilder {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         Ok(format!("MapBuilder(segments={})", self.__len__(py)?))
     }
+}
+
+/// Where it was taken, as told or by its own odometry.
+fn pose_of(given: Option<&Bound<'_, PyAny>>, own: Option<Pose>, what: &str) -> PyResult<Pose> {
+    pose::read_option(given, "pose_map_sensor")?.or(own).ok_or_else(|| {
+        let missing = format!("is missing: this {what} has no pose_odom_sensor to stand for it");
+        bad_value("pose_map_sensor", missing)
+    })
 }

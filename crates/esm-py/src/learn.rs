@@ -321,7 +321,8 @@ impl SegmentSetWriter {
         let centroid_map = position(centroid_map, "centroid_map")?;
         let rings = rings.map(|r| rings_in(r, "rings")).transpose()?.unwrap_or_default();
         let context = Context { above_ground: above_ground.filter(|h| !h.is_nan()), rings };
-        let row = Row { points, centroid_map, object, observation, visit, place, class: object_class, context };
+        let row =
+            Row { points, centroid_map, object, observation, visit, place, class: object_class, context };
         self.with(py, move |writer| Ok(writer.as_mut().ok_or_else(finished)?.push(&row)?))
     }
 

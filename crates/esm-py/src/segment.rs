@@ -230,7 +230,8 @@ pub(crate) fn segments_of(
     threads: Option<usize>,
 ) -> PyResult<Vec<Segment>> {
     let points = cloud(points, "points")?.into_points();
-    let ground = ground.map(|g| cloud(g, "ground")).transpose()?.map_or_else(Vec::new, PointCloud::into_points);
+    let ground =
+        ground.map(|g| cloud(g, "ground")).transpose()?.map_or_else(Vec::new, PointCloud::into_points);
     let read = |c: &Bound<'_, PyAny>| -> PyResult<Vec<u32>> {
         let indices = integers::<u32>(c, "clusters")?;
         match indices.iter().find(|i| **i as usize >= points.len()) {

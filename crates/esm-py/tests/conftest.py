@@ -39,12 +39,10 @@ class World:
 
 def build(recording: esm_py.Recording, config: esm_py.Config, threads: int | None = None) -> esm_py.Map:
     """Build a map as `esm-cli map build` does."""
-    accumulator, builder = esm_py.Accumulator(config), esm_py.MapBuilder(config, threads=threads)
+    builder = esm_py.MapBuilder(config, threads=threads)
     builder.set_source(recording.path.name)
     for sweep in recording:
-        live = accumulator.push_sweep(sweep)
-        assert live is not None
-        builder.push(live)
+        builder.push_sweep(sweep)
     return builder.finish()
 
 

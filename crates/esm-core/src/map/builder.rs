@@ -10,7 +10,7 @@ use super::Map;
 use super::data::{DescriptorInfo, MapData};
 use super::records::COVERAGE_CELL_M;
 use super::standardizer::Standardizer;
-use crate::accumulate::LiveCloud;
+use crate::accumulate::{AccumulateConfig, Accumulator, LiveCloud};
 use crate::cloud::{PointCloud, Pose, transform_point};
 use crate::config::Config;
 use crate::describe::{self, Descriptor};
@@ -23,6 +23,12 @@ use crate::segment::{Segment, Segmentation, segment};
 pub struct BuildConfig {
     /// Metres of travel from one window to the next; each window is an accumulated cloud.
     pub window_step_m: f64,
+    /// Besides windows of `accumulate.distance_m`, the map holds windows of these shorter lengths, metres; 0: single sweeps.
+    /// Clouds that hold less travel see less of things, and find them where they were mapped so. Longer ones than
+    /// `accumulate.distance_m` are left out.
+    pub short_windows_m: Vec<f64>,
+    /// Metres of travel from one of those to the next.
+    pub short_step_m: f64,
     /// A segment and an older one are the same object, seen the same way, when their voxels overlap by at least this
     /// (intersection over union); the fuller one stays. Above 1 nothing is merged.
     pub merge_overlap: f64,
@@ -38,6 +44,8 @@ impl Default for BuildConfig {
     fn default() -> Self {
         Self {
             window_step_m: 5.0,
+            short_windows_m: vec![6.0, 0.0],
+            short_step_m: 2.0,
             merge_overlap: 0.6,
             ground_voxel_m: 0.4,
             structure_voxel_m: 0.25,
@@ -53,6 +61,11 @@ impl BuildConfig {
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
         require(self.window_step_m >= 0.0, "map.window_step_m", self.window_step_m, "0 m or more")?;
+        let short = |m: &f64| (0.0..=1000.0).contains(m);
+        let list = format!("{:?}", self.short_windows_m);
+        let few = self.short_windows_m.len() <= MOST_WINDOWS && self.short_windows_m.iter().all(short);
+        require(few, "map.short_windows_m", list, "up to 8 lengths of 0 to 1000 m")?;
+        require(self.short_step_m >= 0.0, "map.short_step_m", self.short_step_m, "0 m or more")?;
         require(self.merge_overlap > 0.0, "map.merge_overlap", self.merge_overlap, "more than 0")?;
         require(
             (0.05..=10.0).contains(&self.ground_voxel_m),
@@ -75,6 +88,8 @@ impl BuildConfig {
     }
 }
 
+/// Lengths of windows in one map.
+const MOST_WINDOWS: usize = 8;
 /// Edge of the voxels that decide whether two segments overlap, metres: wider than the jumps of a good odometry are
 /// large, so that one object seen twice overlaps itself.
 const OVERLAP_VOXEL_M: f32 = 0.5;
@@ -112,9 +127,16 @@ pub(crate) fn tile_of(p: [f32; 3]) -> [i32; 2] {
     [(p[0] / TILE_M).floor() as i32, (p[1] / TILE_M).floor() as i32]
 }
 
+/// Windows of one length.
+struct Layer {
+    distance_m: f64,
+    last: [f64; 3],
+}
+
 /// One object of the growing map.
 #[derive(Clone)]
 struct Entry {
+    layer: usize,
     segment: Segment,
     voxels: Vec<Voxel>,
     row: Vec<f32>,
@@ -133,7 +155,8 @@ pub struct MapBuilder {
     structure: Tiles,
     path: Vec<[f64; 3]>,
     coverage: FxHashSet<[i32; 2]>,
-    last_window: Option<[f64; 3]>,
+    accumulators: Vec<Accumulator>,
+    layers: Vec<Layer>,
     source: String,
 }
 
@@ -201,7 +224,8 @@ impl MapBuilder {
             structure: Tiles::new(config.map.structure_voxel_m),
             path: Vec::new(),
             coverage: FxHashSet::default(),
-            last_window: None,
+            accumulators: accumulators(config)?,
+            layers: Vec::new(),
             source: String::new(),
         })
     }
@@ -221,8 +245,38 @@ impl MapBuilder {
         self.entries.is_empty()
     }
 
-    /// Takes the next accumulated cloud of the recording and where it was taken. Only every `window_step_m` one is
-    /// cut into segments; all count for the path. Says whether this one was.
+    /// Takes the next sweep of the recording (points in the sensor frame) and where it was taken: windows of all lengths are
+    /// accumulated and pushed.
+    ///
+    /// # Errors
+    /// As [`MapBuilder::push`].
+    pub fn push_sweep(
+        &mut self,
+        stamp: f64,
+        sweep: &PointCloud,
+        pose_map_sensor: &Pose,
+    ) -> Result<(), Error> {
+        let clouds: Vec<LiveCloud> = self
+            .accumulators
+            .iter_mut()
+            .filter_map(|a| a.push(stamp, sweep, Some(*pose_map_sensor)))
+            .collect();
+        clouds.iter().try_for_each(|live| self.push(live, pose_map_sensor).map(|_| ()))
+    }
+
+    /// The next sweep does not continue the last one: another recording, or a gap.
+    ///
+    /// # Errors
+    /// None: the configuration has been checked.
+    pub fn interrupt(&mut self) -> Result<(), Error> {
+        self.accumulators = accumulators(&self.config)?;
+        Ok(())
+    }
+
+    /// Takes the next accumulated cloud of the recording and where it was taken. Only one every `window_step_m` (of those
+    /// shorter than `accumulate.distance_m`, every `short_step_m`) is cut into segments; all count for the path. Says whether
+    /// this one was. Clouds of several lengths may come in any order; what they show is merged with clouds of the same length
+    /// only.
     ///
     /// # Errors
     /// None today beyond those of a damaged configuration; the result is checked in [`MapBuilder::finish`].
@@ -231,13 +285,10 @@ impl MapBuilder {
         if self.path.last().is_none_or(|last| distance(*last, at) >= PATH_STEP_M) {
             self.path.push(at);
         }
-        if self.last_window.is_some_and(|last| distance(last, at) < self.config.map.window_step_m) {
-            return Ok(false);
-        }
-        self.last_window = Some(at);
+        let Some(layer) = self.layer(live.distance_m, at) else { return Ok(false) };
         let pose_origin_sensor = self.relative(pose_map_sensor);
         let cloud = segment(&live.cloud, &self.config.segment);
-        self.add(&cloud, &pose_origin_sensor);
+        self.add(&cloud, &pose_origin_sensor, layer);
         Ok(true)
     }
 
@@ -251,7 +302,7 @@ impl MapBuilder {
         self.coverage.extend(cloud.points().iter().map(|p| coverage_cell(absolute(origin, *p))));
         for disc in discs(cloud.points(), self.config.map.disc_radius_m as f32) {
             let cut = segment(&PointCloud::from_finite(disc).0, &self.config.segment);
-            self.add(&cut, &Pose::identity());
+            self.add(&cut, &Pose::identity(), 0);
         }
         Ok(())
     }
@@ -297,7 +348,24 @@ impl MapBuilder {
         Map::from_data(data)
     }
 
-    fn add(&mut self, cloud: &Segmentation, pose_origin_sensor: &Pose) {
+    /// The layer of windows of this length, where the next one is due.
+    fn layer(&mut self, distance_m: f64, at: [f64; 3]) -> Option<usize> {
+        let c = &self.config;
+        let short = distance_m < c.accumulate.distance_m;
+        let step = if short { c.map.short_step_m } else { c.map.window_step_m };
+        let Some(layer) = self.layers.iter().position(|l| l.distance_m == distance_m) else {
+            self.layers.push(Layer { distance_m, last: at });
+            return Some(self.layers.len() - 1);
+        };
+        let known = &mut self.layers[layer];
+        if distance(known.last, at) < step {
+            return None;
+        }
+        known.last = at;
+        Some(layer)
+    }
+
+    fn add(&mut self, cloud: &Segmentation, pose_origin_sensor: &Pose, layer: usize) {
         // Described as the live cloud will be: in the sensor frame, before the turn into the map.
         let described = self.descriptor.describe(&cloud.segments);
         for (i, s) in cloud.segments.iter().enumerate() {
@@ -305,7 +373,7 @@ impl MapBuilder {
             let Some(segment) = Segment::from_points(points) else { continue };
             let row = described.values[i * described.dim..][..described.dim].to_vec();
             let voxels = voxels(&segment.points, OVERLAP_VOXEL_M);
-            self.merge(Entry { segment, voxels, row, quality: described.quality[i], observations: 1 });
+            self.merge(Entry { layer, segment, voxels, row, quality: described.quality[i], observations: 1 });
         }
         let moved = |p: &[f32; 3]| transform_point(pose_origin_sensor, *p);
         self.ground.extend(cloud.ground.iter().map(moved));
@@ -317,7 +385,9 @@ impl MapBuilder {
         let mut common: FxHashMap<u32, usize> = FxHashMap::default();
         for v in &new.voxels {
             for &id in self.by_voxel.get(v).into_iter().flatten() {
-                *common.entry(id).or_default() += 1;
+                if self.entries[id as usize].layer == new.layer {
+                    *common.entry(id).or_default() += 1;
+                }
             }
         }
         let overlap = |id: u32, n: usize| {
@@ -369,6 +439,16 @@ impl MapBuilder {
         });
         Pose::translation(-origin[0], -origin[1], -origin[2]) * pose_map_sensor
     }
+}
+
+/// One for the windows of each length. The builder chooses its windows; the path needs every sweep.
+fn accumulators(config: &Config) -> Result<Vec<Accumulator>, Error> {
+    let whole = config.accumulate.distance_m;
+    let short = config.map.short_windows_m.iter().copied().filter(|m| *m < whole);
+    let of = |distance_m| {
+        Accumulator::new(AccumulateConfig { distance_m, swathes: false, ..config.accumulate.clone() })
+    };
+    std::iter::once(whole).chain(short).map(of).collect()
 }
 
 /// A prior cloud in overlapping discs about as large as a live cloud, whose objects would otherwise run together into

@@ -25,8 +25,23 @@ pub struct SegmentConfig {
     pub min_points: usize,
     /// Most points of a segment. Default 15,000 (ESM paper, section V, 3D Velodyne).
     pub max_points: usize,
+    /// What holds instead for sparse clouds, such as single sweeps.
+    pub sparse: SparseConfig,
     /// The ground filter.
     pub ground: GroundConfig,
+}
+
+/// How sparse clouds are cut: their points lie too far apart for the links of dense ones.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SparseConfig {
+    /// A cloud is sparse when what stands on the ground holds fewer points than this, on average, in each cubic metre where
+    /// there are any, after thinning by `voxel`. 0: no cloud is sparse.
+    pub below: f32,
+    /// Instead of `tolerance`, metres.
+    pub tolerance: f32,
+    /// Instead of `min_points`.
+    pub min_points: usize,
 }
 
 /// How ground is told from what stands on it.
@@ -53,8 +68,15 @@ impl Default for SegmentConfig {
             tolerance: 0.5,
             min_points: 40,
             max_points: 15_000,
+            sparse: SparseConfig::default(),
             ground: GroundConfig::default(),
         }
+    }
+}
+
+impl Default for SparseConfig {
+    fn default() -> Self {
+        Self { below: 6.0, tolerance: 0.8, min_points: 15 }
     }
 }
 
@@ -77,6 +99,12 @@ impl SegmentConfig {
         }
         if self.max_points < self.min_points {
             return Err(refused("segment.max_points", self.max_points, "at least segment.min_points"));
+        }
+        let sparse = &self.sparse;
+        in_range("segment.sparse.below", sparse.below, 0.0, 1000.0, "0 to 1000 (points a cubic metre)")?;
+        in_range("segment.sparse.tolerance", sparse.tolerance, 0.01, 100.0, "0.01 to 100 (metres)")?;
+        if !(1..=self.max_points).contains(&sparse.min_points) {
+            return Err(refused("segment.sparse.min_points", sparse.min_points, "1 to segment.max_points"));
         }
         in_range("segment.ground.band", self.ground.band, 0.01, 5.0, "0.01 to 5 (metres)")?;
         in_range("segment.ground.contact_band", self.ground.contact_band, 0.01, 5.0, "0.01 to 5 (metres)")?;

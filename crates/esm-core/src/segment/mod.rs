@@ -9,10 +9,12 @@ mod radix;
 mod voxel;
 
 pub use cluster::euclidean_clusters;
-pub use config::{GroundConfig, SegmentConfig};
+pub use config::{GroundConfig, SegmentConfig, SparseConfig};
 pub use context::{Context, RING_NUMBERS, RINGS, segments_of};
 pub use ground::ground_flags;
 pub use voxel::voxel_filter;
+
+use rustc_hash::FxHashSet;
 
 use crate::cloud::PointCloud;
 
@@ -52,9 +54,21 @@ pub fn segment(cloud: &PointCloud, config: &SegmentConfig) -> Segmentation {
     for (p, is_ground) in points.iter().zip(flags) {
         if is_ground { &mut ground } else { &mut objects }.push(*p);
     }
-    let clusters = euclidean_clusters(&objects, config.tolerance, config.min_points, config.max_points);
+    let sparse = &config.sparse;
+    let (tolerance, min_points) = if density(&objects) < sparse.below {
+        (sparse.tolerance, sparse.min_points)
+    } else {
+        (config.tolerance, config.min_points)
+    };
+    let clusters = euclidean_clusters(&objects, tolerance, min_points, config.max_points);
     let segments = segments_of(&objects, &ground, &clusters);
     Segmentation { segments, ground, structure: objects, voxelled: points.len() }
+}
+
+/// Points in each cubic metre that holds any, on average; 0 without points.
+fn density(points: &[[f32; 3]]) -> f32 {
+    let cells: FxHashSet<[i32; 3]> = points.iter().map(|p| p.map(|v| v.floor() as i32)).collect();
+    points.len() as f32 / cells.len().max(1) as f32
 }
 
 /// One segment: a connected group of points above the ground, in the frame of the cloud it was cut from.

@@ -2,7 +2,7 @@
 
 use esm_core::Error;
 use esm_core::map::{DescriptorInfo, Map, MapData, QUANTUM_M, Standardizer};
-use esm_core::segment::Segment;
+use esm_core::segment::{Context, Segment};
 
 use crate::{large_data, small_data};
 
@@ -56,7 +56,13 @@ fn points_that_cannot_be_kept_are_refused_and_change_nothing() {
     assert!(error.to_string().contains("hint: choose the map's origin near its points"), "{error}");
     let error = data.push_ground_tile(&[]).unwrap_err();
     assert!(error.to_string().contains("a run of points holds none"), "{error}");
-    let none = Segment { points: vec![], centroid: [0.0; 3], min: [0.0; 3], max: [0.0; 3] };
+    let none = Segment {
+        points: vec![],
+        centroid: [0.0; 3],
+        min: [0.0; 3],
+        max: [0.0; 3],
+        context: Context::default(),
+    };
     assert!(data.push_segment(&none, 1).is_err());
     assert!(data == before);
 }

@@ -725,11 +725,21 @@ class MapBuilder:
     def set_source(self, source: str) -> None:
         """Name what the map is built from: a file name without its folder."""
 
-    def push(self, live: LiveCloud, pose_map_sensor: ArrayLike | None = None) -> bool:
-        """Take the next cloud of the recording and where it was taken, and tell whether it was cut into segments.
+    def push_sweep(self, sweep: Sweep, pose_map_sensor: ArrayLike | None = None) -> None:
+        """Take the next sweep of the recording and where it was taken: windows of all lengths are accumulated and pushed.
 
-        Only every `map.window_step_m` one is; all count for the path. `pose_map_sensor`: shape (4, 4); without it the
-        odometry frame is the map frame, and the cloud's own `pose_odom_sensor` is taken.
+        `pose_map_sensor`: shape (4, 4); without it the odometry frame is the map frame, and the sweep's own
+        `pose_odom_sensor` is taken.
+        """
+
+    def interrupt(self) -> None:
+        """Tell that the next sweep does not continue the last one: another recording, or a gap."""
+
+    def push(self, live: LiveCloud, pose_map_sensor: ArrayLike | None = None) -> bool:
+        """Take the next accumulated cloud of the recording and tell whether it was cut into segments.
+
+        Only one every `map.window_step_m` is, of shorter ones than `accumulate.distance_m` one every `map.short_step_m`;
+        all count for the path. `pose_map_sensor`: as for `push_sweep`.
         """
 
     def push_prior_cloud(self, origin: ArrayLike, points: ArrayLike) -> None:

@@ -18,7 +18,13 @@ type Tensors = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
 type Put<'a> = &'a mut dyn FnMut(String, &[usize], f32, f32);
 
 /// Random weights of the right shapes, with a header.
-fn random(variant: &str, plan: &str, size_mode: &str, context: bool, seed: u64) -> (Tensors, BTreeMap<String, String>) {
+fn random(
+    variant: &str,
+    plan: &str,
+    size_mode: &str,
+    context: bool,
+    seed: u64,
+) -> (Tensors, BTreeMap<String, String>) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform =
         move |low: f32, high: f32| low + (high - low) * (random.next_u32() as f32 / 4_294_967_296.0);

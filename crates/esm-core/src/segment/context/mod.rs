@@ -173,7 +173,8 @@ mod tests {
         let turned: Vec<_> =
             points.iter().map(|[x, y, z]| [cos * x - sin * y, sin * x + cos * y, *z]).collect();
         let (a, b) = (segments_of(&points, &[], &clusters), segments_of(&turned, &[], &clusters));
-        // Columns count differently by a few at the rims of things and of rings.
+        // Columns count differently by a few at the rims of things and of rings; where things stand all around, moments cancel, and
+        // what is left of them is small.
         let difference = |n: usize| {
             let pairs = a.iter().zip(&b).flat_map(|(a, b)| {
                 a.context.rings.iter().flatten().zip(b.context.rings.iter().flatten()).skip(n).step_by(4)
@@ -182,7 +183,7 @@ mod tests {
             sum / size
         };
         for n in 0..RING_NUMBERS {
-            assert!(difference(n) < 0.15, "{n}: {}", difference(n));
+            assert!(difference(n) < [0.05, 0.05, 0.2, 0.25][n], "{n}: {}", difference(n));
         }
     }
 
