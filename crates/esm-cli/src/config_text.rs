@@ -70,7 +70,10 @@ const MEANINGS: &[(&str, &str)] = &[
     ),
     ("segment.ground.max_slope", "Steepest ground, rise over run."),
     ("match", "From descriptors to candidate matches."),
-    ("match.k", "Candidates a live segment: its nearest map segments in descriptor space."),
+    (
+        "match.k",
+        "Candidates a live segment: its nearest map segments in descriptor space; 0: 25 for networks, 60 for \"shape\" and \"eigen\".",
+    ),
     (
         "match.max_candidates",
         "Most candidates of a cloud: clouds of very many segments take fewer than k a segment.",

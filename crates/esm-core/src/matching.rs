@@ -13,7 +13,8 @@ use crate::segment::Segment;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MatchConfig {
-    /// Candidates a live segment. (The paper's networks use 25, SegMatch's hand-made features 200.)
+    /// Candidates a live segment; 0: as many as the descriptor asks for ([`Descriptions::candidates`]), or
+    /// 60. (The paper's networks use 25, SegMatch's hand-made features 200.)
     pub k: usize,
     /// Most candidates of a cloud: clouds of very many segments, as in a dense wood, take fewer than `k` a segment, but
     /// never fewer than 5. The pose search's effort grows with the square of it.
@@ -28,7 +29,7 @@ pub struct MatchConfig {
 
 impl Default for MatchConfig {
     fn default() -> Self {
-        Self { k: 60, max_candidates: 5000, search: Search::Auto, min_quality: 0.0, max_distance: 0.0 }
+        Self { k: 0, max_candidates: 5000, search: Search::Auto, min_quality: 0.0, max_distance: 0.0 }
     }
 }
 
@@ -38,7 +39,7 @@ impl MatchConfig {
     /// # Errors
     /// [`Error::Config`] for the first field outside its range.
     pub fn check(&self) -> Result<(), Error> {
-        require((1..=10_000).contains(&self.k), "match.k", self.k, "1 to 10000")?;
+        require(self.k <= 10_000, "match.k", self.k, "0 to 10000")?;
         require(
             (100..=1_000_000).contains(&self.max_candidates),
             "match.max_candidates",
@@ -50,10 +51,12 @@ impl MatchConfig {
     }
 }
 
+/// Candidates a segment where nothing else is said.
+const DEFAULT_K: usize = 60;
 /// Candidates a segment that no limit takes away.
 const LEAST_K: usize = 5;
 
-/// The candidates of a cloud, best first. `described` must be on the map's scale already.
+/// The candidates of a cloud, best first: `config.k` a segment at most. `described` must be on the map's scale already.
 pub fn candidates(
     segments: &[Segment],
     described: &Descriptions,
@@ -64,7 +67,9 @@ pub fn candidates(
     let max_squared =
         if config.max_distance > 0.0 { config.max_distance.powi(2) as f32 } else { f32::INFINITY };
     let share = config.max_candidates / segments.len().max(1);
-    let k = config.k.min(share.max(LEAST_K));
+    let wanted =
+        [config.k, described.candidates, DEFAULT_K].into_iter().find(|k| *k > 0).unwrap_or(DEFAULT_K);
+    let k = wanted.min(share.max(LEAST_K));
     let neighbours = index.nearest(&described.values, k);
     let mut all = Vec::with_capacity(segments.len() * k);
     for (live, (segment, nearest)) in segments.iter().zip(neighbours).enumerate() {

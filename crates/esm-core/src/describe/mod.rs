@@ -15,6 +15,9 @@ pub struct Descriptions {
     pub values: Vec<f32>,
     /// One a segment: the probability, 0 to 1, that the descriptor is good for matching.
     pub quality: Vec<f32>,
+    /// Candidates in a map that a segment should be given for its counterpart to be among them; 0 leaves it to
+    /// [`candidates`](crate::matching::candidates).
+    pub candidates: usize,
     /// Time spent on preparing the input (sampling and normalisation), where the descriptor has such a step.
     pub preprocessing: Duration,
 }
@@ -61,7 +64,7 @@ const WEIGHTS: &str = ".safetensors";
 ///
 /// ```
 /// let network = esm_core::describe::by_name("esm-swift")?;
-/// assert_eq!((network.name(), network.dim()), ("esm-swift", 22));
+/// assert_eq!((network.name(), network.dim()), ("esm-swift", 24));
 /// # Ok::<(), esm_core::Error>(())
 /// ```
 pub fn by_name(name: &str) -> Result<Arc<dyn Descriptor>, Error> {

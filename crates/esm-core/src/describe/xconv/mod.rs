@@ -30,6 +30,9 @@ use super::{Descriptions, Descriptor};
 use crate::error::Error;
 use crate::segment::{Context, RING_NUMBERS, RINGS, Segment};
 
+/// Candidates a segment, as in the paper (section IV).
+const CANDIDATES: usize = 25;
+
 /// A learned descriptor: the network with the weights of one file.
 pub struct XConv {
     network: Network,
@@ -110,7 +113,7 @@ impl XConv {
                 spent
             })
             .sum();
-        Descriptions { dim, values, quality, preprocessing }
+        Descriptions { dim, values, quality, candidates: CANDIDATES, preprocessing }
     }
 }
 
