@@ -330,7 +330,7 @@ pub struct ReadArgs {
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Method")]
 pub struct TuneArgs {
-    /// Descriptor of the segments: shape, eigen, esm-swift, or a weights file (*.safetensors) [default: what the map
+    /// Descriptor of the segments: shape, eigen, esm-paper, esm, esm-swift, or a weights file (*.safetensors) [default: what the map
     /// holds, or shape]
     #[arg(long, value_name = "NAME")]
     pub descriptor: Option<String>,

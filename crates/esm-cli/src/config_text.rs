@@ -21,7 +21,7 @@ const MEANINGS: &[(&str, &str)] = &[
     (
         "descriptor",
         "How segments are described: by \"shape\" (eigenvalue features and metric size) or \"eigen\" (the features alone), by \
-         the network \"esm-swift\", or by a network of your own: a weights file (*.safetensors).",
+         the networks \"esm-swift\", \"esm\" (all points in every layer) or \"esm-paper\" (the paper's, shape alone), or by one of your own: a weights file (*.safetensors).",
     ),
     ("seed", "Seed of everything random: the same seed gives the same bits, with any number of threads."),
     ("accumulate", "From sweeps to live clouds."),

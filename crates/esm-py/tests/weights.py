@@ -27,7 +27,7 @@ def shapes(sizes: int, learned: int) -> dict[str, tuple[int, ...]]:
     for name, channels in norms.items():
         out |= {f"{name}.bn.scale": (channels,), f"{name}.bn.shift": (channels,)}
     if sizes:
-        out |= {"size.mean": (sizes,), "size.std": (sizes,), "size.weight": (sizes,)}
+        out |= {"measures.mean": (sizes,), "measures.std": (sizes,), "size.weight": (sizes,)}
     dim = learned + sizes
     return out | {"quality.weight": (dim, 2), "quality.bias": (2,)}
 
@@ -37,7 +37,7 @@ def weights(variant: str = "esm-swift", sizes: int = 6, learned: int = 16, **cha
     names = ["sigma1", "sigma2", "sigma3", "height", "extent1", "extent2"][:sizes]
     metadata = {
         "format": "esm-weights",
-        "format_version": "1",
+        "format_version": "2",
         "architecture": "xconv-4",
         "variant": variant,
         "input_points": "256",
@@ -49,6 +49,7 @@ def weights(variant: str = "esm-swift", sizes: int = 6, learned: int = 16, **cha
         "learned_dim": str(learned),
         "size_mode": "beside" if sizes else "none",
         "size_features": ",".join(names),
+        "context": "none",
         "descriptor_dim": str(learned + sizes),
         "normalisation": "mean,rms,floor=0.001",
         "quality_temperature": "1",

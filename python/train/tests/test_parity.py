@@ -12,6 +12,7 @@ import torch
 from conftest import needed
 
 from esm_train.golden import write_answers, write_golden
+from esm_train.plan import VARIANTS
 from esm_train.validation import open_corpus
 from esm_train.weights import load_network
 
@@ -26,7 +27,7 @@ def differences(weights: Path, golden: Path, program: str) -> dict[str, float]:
     return report
 
 
-@pytest.mark.parametrize("variant", ["esm-swift"])
+@pytest.mark.parametrize("variant", VARIANTS)
 def test_simulated_segments(variant: str, tmp_path: Path) -> None:
     program = needed("ESM_FORWARD")
     weights = REPOSITORY / "weights" / f"{variant}.safetensors"
@@ -49,7 +50,7 @@ def test_real_segments(tmp_path: Path) -> None:
     subprocess.run(cut, check=True, capture_output=True)
     corpus = open_corpus((str(tmp_path / "set"),), "test")
     torch.set_num_threads(2)
-    for variant in ("esm-swift",):
+    for variant in VARIANTS:
         weights = REPOSITORY / "weights" / f"{variant}.safetensors"
         model, head, _ = load_network(weights)
         write_answers(model, head, weights, corpus, tmp_path / f"{variant}.answers", 1000)

@@ -51,7 +51,7 @@ pub use shape::Shape;
 pub use xconv::XConv;
 
 /// The descriptors by name, the default first.
-pub const NAMES: [&str; 3] = ["shape", "eigen", "esm-swift"];
+pub const NAMES: [&str; 5] = ["shape", "eigen", "esm-paper", "esm", "esm-swift"];
 
 /// Ending of the name of a weights file.
 const WEIGHTS: &str = ".safetensors";
@@ -73,6 +73,8 @@ pub fn by_name(name: &str) -> Result<Arc<dyn Descriptor>, Error> {
     Ok(match name {
         "shape" => Arc::new(Shape),
         "eigen" => Arc::new(Eigen),
+        "esm-paper" => Arc::new(network(esm_weights::ESM_PAPER)?),
+        "esm" => Arc::new(network(esm_weights::ESM)?),
         "esm-swift" => Arc::new(network(esm_weights::ESM_SWIFT)?),
         path => Arc::new(XConv::open(path)?),
     })

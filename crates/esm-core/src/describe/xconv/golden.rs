@@ -62,5 +62,8 @@ fn compare(weights: &Path, golden: &Path) {
 #[test]
 fn golden_activations_of_pytorch() {
     let weights = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../weights");
-    compare(&weights.join("esm-swift.safetensors"), &weights.join("golden/esm-swift.safetensors"));
+    for name in ["esm-paper", "esm", "esm-swift"] {
+        let file = format!("{name}.safetensors");
+        compare(&weights.join(&file), &weights.join("golden").join(&file));
+    }
 }
