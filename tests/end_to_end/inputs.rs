@@ -335,7 +335,7 @@ fn a_configuration_is_read_and_unknown_keys_are_refused() {
     ]);
     run("[pose]\nmethod = \"luck\"\n").failed(&["esm.toml:2", "luck", "clique"]);
     run("seed = [\n").failed(&["esm.toml:"]);
-    run("[match]\nk = 0\n").failed(&["esm.toml", "match.k = 0", "esm-cli config"]);
+    run("[match]\nk = 10001\n").failed(&["esm.toml", "match.k = 10001", "esm-cli config"]);
     // All defaults, as printed.
     let defaults = esm!["config"].ended(0).stdout;
     assert_eq!(run(&defaults).ended(0).summary()["accumulate_m"], 20.0);
