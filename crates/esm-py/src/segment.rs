@@ -218,8 +218,8 @@ pub(crate) fn euclidean_clusters<'py>(
 
 /// Segments of clusters of `points`, each with what stands around it among all of them.
 ///
-/// `points`: shape (N, 3), metres, all that stands on the ground. `clusters`: arrays of their indices. `ground`: the ground points
-/// of the same cloud.
+/// `points`: shape (N, 3), metres, all that stands on the ground. `clusters`: arrays of their indices. `ground`: the
+/// ground points of the same cloud.
 #[pyfunction]
 #[pyo3(signature = (points, clusters, ground=None, *, threads=None))]
 pub(crate) fn segments_of(

@@ -36,7 +36,8 @@ pub struct SegmentConfig {
 #[serde(default, deny_unknown_fields)]
 pub struct SparseConfig {
     /// A cloud is sparse when what stands on the ground holds fewer points than this, on average, in each cubic metre where
-    /// there are any, after thinning by `voxel`. 0: no cloud is sparse.
+    /// there are any, after thinning by `voxel`. 0: no cloud is sparse. Default 3.5: single sweeps of KITTI, thinned to 4-10
+    /// thousand points, hold 2.9, of a simulated HDL-32E in a forest 2.4; accumulated clouds hold 4 and more.
     pub below: f32,
     /// Instead of `tolerance`, metres.
     pub tolerance: f32,
@@ -76,7 +77,7 @@ impl Default for SegmentConfig {
 
 impl Default for SparseConfig {
     fn default() -> Self {
-        Self { below: 6.0, tolerance: 0.8, min_points: 15 }
+        Self { below: 3.5, tolerance: 0.8, min_points: 15 }
     }
 }
 

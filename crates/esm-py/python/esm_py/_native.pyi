@@ -423,9 +423,7 @@ class Accumulator:
 class Segment:
     """One segment: a connected group of points above the ground, in the frame of the cloud it was cut from."""
 
-    def __new__(
-        cls, points: ArrayLike, *, above_ground: float | None = None, rings: ArrayLike | None = None
-    ) -> Self: ...
+    def __new__(cls, points: ArrayLike, *, above_ground: float | None = None, rings: ArrayLike | None = None) -> Self: ...
     @property
     def points(self) -> _Float32:
         """Points, shape (N, 3), metres."""
