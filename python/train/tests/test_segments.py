@@ -100,8 +100,8 @@ def test_torn_and_foreign_files(copy: Path) -> None:
     with pytest.raises(TrainError, match="expected <f4"):
         SegmentSet(copy)
     meta = json.loads((copy / "meta.json").read_text())
-    (copy / "meta.json").write_text(json.dumps({**meta, "format_version": 2}))
-    with pytest.raises(TrainError, match="format version 2"):
+    (copy / "meta.json").write_text(json.dumps({**meta, "format_version": 3}))
+    with pytest.raises(TrainError, match="format version 3"):
         SegmentSet(copy)
     (copy / "meta.json").unlink()
     with pytest.raises(TrainError, match=r"meta\.json is missing"):
