@@ -289,8 +289,8 @@ impl SegmentSetWriter {
     /// Append a segment.
     ///
     /// `points`: shape (N, 3), metres about `centroid_map`, shape (3,), metres, map frame. `object`: its identity, unique in
-    /// its place, -1 where unknown. `observation`: the live cloud's number in the set. `above_ground`: metres. `rings`: shape (7, 4), as
-    /// `Segment.rings`; without them it is alone.
+    /// its place, -1 where unknown. `observation`: the live cloud's number in the set. `above_ground`: metres. `rings`:
+    /// shape (7, 4), as `Segment.rings`; without them it is alone.
     #[pyo3(signature = (
         points, centroid_map, *, object, observation, visit=0, place=0, object_class=255, above_ground=None, rings=None
     ))]
