@@ -24,7 +24,7 @@ pub struct Descriptions {
 
 /// Turns segments into descriptors, a batch at a time.
 ///
-/// Rows must depend on their own segment's points only, never on the other segments of the batch, and be the same
+/// Rows must depend on their own segment only, its points and its context, never on the other segments of the batch, and be the same
 /// bits whatever the number of threads.
 pub trait Descriptor: Send + Sync {
     /// Name, as in `--descriptor NAME`; networks of any weights have the name of their variant.

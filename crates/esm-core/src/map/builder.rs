@@ -127,12 +127,6 @@ pub(crate) fn tile_of(p: [f32; 3]) -> [i32; 2] {
     [(p[0] / TILE_M).floor() as i32, (p[1] / TILE_M).floor() as i32]
 }
 
-/// Windows of one length.
-struct Layer {
-    distance_m: f64,
-    last: [f64; 3],
-}
-
 /// One object of the growing map.
 #[derive(Clone)]
 struct Entry {
@@ -156,7 +150,8 @@ pub struct MapBuilder {
     path: Vec<[f64; 3]>,
     coverage: FxHashSet<[i32; 2]>,
     accumulators: Vec<Accumulator>,
-    layers: Vec<Layer>,
+    /// Where the last window of each length was taken.
+    last_windows: Vec<Option<[f64; 3]>>,
     source: String,
 }
 
@@ -225,7 +220,7 @@ impl MapBuilder {
             path: Vec::new(),
             coverage: FxHashSet::default(),
             accumulators: accumulators(config)?,
-            layers: Vec::new(),
+            last_windows: vec![None; lengths(config).count()],
             source: String::new(),
         })
     }
@@ -348,20 +343,19 @@ impl MapBuilder {
         Map::from_data(data)
     }
 
-    /// The layer of windows of this length, where the next one is due.
+    /// The number of the windows' length that is nearest to this one, where the next of them is due.
     fn layer(&mut self, distance_m: f64, at: [f64; 3]) -> Option<usize> {
         let c = &self.config;
         let short = distance_m < c.accumulate.distance_m;
         let step = if short { c.map.short_step_m } else { c.map.window_step_m };
-        let Some(layer) = self.layers.iter().position(|l| l.distance_m == distance_m) else {
-            self.layers.push(Layer { distance_m, last: at });
-            return Some(self.layers.len() - 1);
-        };
-        let known = &mut self.layers[layer];
-        if distance(known.last, at) < step {
+        // Clouds that others put together may hold any distance.
+        let off = |length: f64| (length - distance_m).abs();
+        let (layer, _) = lengths(c).enumerate().min_by(|a, b| off(a.1).total_cmp(&off(b.1)))?;
+        let last = &mut self.last_windows[layer];
+        if last.is_some_and(|last| distance(last, at) < step) {
             return None;
         }
-        known.last = at;
+        *last = Some(at);
         Some(layer)
     }
 
@@ -443,12 +437,16 @@ impl MapBuilder {
 
 /// One for the windows of each length. The builder chooses its windows; the path needs every sweep.
 fn accumulators(config: &Config) -> Result<Vec<Accumulator>, Error> {
-    let whole = config.accumulate.distance_m;
-    let short = config.map.short_windows_m.iter().copied().filter(|m| *m < whole);
     let of = |distance_m| {
         Accumulator::new(AccumulateConfig { distance_m, swathes: false, ..config.accumulate.clone() })
     };
-    std::iter::once(whole).chain(short).map(of).collect()
+    lengths(config).map(of).collect()
+}
+
+/// Metres of travel of the windows, the whole ones first.
+fn lengths(config: &Config) -> impl Iterator<Item = f64> {
+    let whole = config.accumulate.distance_m;
+    std::iter::once(whole).chain(config.map.short_windows_m.iter().copied().filter(move |m| *m < whole))
 }
 
 /// A prior cloud in overlapping discs about as large as a live cloud, whose objects would otherwise run together into
