@@ -346,11 +346,10 @@ impl MapBuilder {
     /// The number of the windows' length that is nearest to this one, where the next of them is due.
     fn layer(&mut self, distance_m: f64, at: [f64; 3]) -> Option<usize> {
         let c = &self.config;
-        let short = distance_m < c.accumulate.distance_m;
-        let step = if short { c.map.short_step_m } else { c.map.window_step_m };
         // Clouds that others put together may hold any distance.
         let off = |length: f64| (length - distance_m).abs();
         let (layer, _) = lengths(c).enumerate().min_by(|a, b| off(a.1).total_cmp(&off(b.1)))?;
+        let step = if layer == 0 { c.map.window_step_m } else { c.map.short_step_m };
         let last = &mut self.last_windows[layer];
         if last.is_some_and(|last| distance(last, at) < step) {
             return None;
@@ -498,4 +497,35 @@ fn voxels(points: &[[f32; 3]], edge: f32) -> Vec<Voxel> {
     all.sort_unstable();
     all.dedup();
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    /// Clouds that a user has put together hold 7.1 m, 6.8 m, ...: they are windows of one length, one every few metres.
+    #[test]
+    fn clouds_of_odd_lengths_are_windows_of_the_nearest_one() {
+        let mut builder = MapBuilder::new(&Config::default()).unwrap();
+        let mut push = |distance_m: f64, x: f64| {
+            let live = LiveCloud {
+                stamp: x,
+                cloud: PointCloud::default(),
+                pose_odom_sensor: None,
+                distance_m,
+                travel_m: distance_m,
+                sweeps: 4,
+                elapsed: Duration::ZERO,
+            };
+            builder.push(&live, &Pose::translation(x, 0.0, 0.0)).unwrap()
+        };
+        assert!(push(7.1, 0.0), "the first of its length");
+        assert!(!push(6.8, 1.0), "map.short_step_m is 2 m");
+        assert!(push(6.2, 2.5));
+        assert!(push(25.0, 2.5), "the first whole one");
+        assert!(!push(19.0, 5.0), "map.window_step_m is 5 m");
+        assert!(push(21.0, 8.0));
+    }
 }
