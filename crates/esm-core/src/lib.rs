@@ -71,6 +71,8 @@ pub mod loops;
 pub mod map;
 pub mod matching;
 pub mod segment;
+
+mod verdict;
 pub mod verify;
 
 pub use accumulate::{AccumulateConfig, Accumulator, LiveCloud};

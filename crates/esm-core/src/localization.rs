@@ -107,7 +107,11 @@ pub struct Localization {
     pub inliers: usize,
     /// How well the best place explains the cloud: inliers weighted by the share of points found in the map.
     pub score: f64,
-    /// The same for the best other place, 0 where there is none.
+    /// Share of the live points above the ground, where the map has been seen, that lie on what stands there in the map.
+    pub overlap: f64,
+    /// Share of the live points above the ground that lie where the map has been seen.
+    pub seen: f64,
+    /// The score of the best other place, 0 where there is none.
     pub runner_up: f64,
     /// The pose of that other place.
     pub runner_up_pose_map_sensor: Option<Pose>,

@@ -8,13 +8,14 @@ use crate::cloud::Pose;
 use crate::config::Config;
 use crate::describe::{self, Descriptions, Descriptor};
 use crate::error::Error;
-use crate::estimate::{Candidate, Consensus, Hypothesis, NearCentroids, Support, same_place, search};
+use crate::estimate::{Candidate, Consensus, Hypothesis, NearCentroids, same_place, search};
 use crate::index::Index;
 use crate::localization::{Localization, MatchedSegment, Timings, Verdict};
 use crate::map::Map;
 use crate::matching::candidates;
 use crate::segment::{Segment, Segmentation, segment};
-use crate::verify::{LivePoints, Surroundings, Verified, verify};
+use crate::verdict::{Place, judge};
+use crate::verify::{LivePoints, Surroundings, verify};
 
 /// Finds live clouds in a prior map. Every cloud stands for itself: nothing is kept from one to the next.
 pub struct Localizer {
@@ -23,20 +24,6 @@ pub struct Localizer {
     index: Index,
     surroundings: Surroundings,
     config: Config,
-}
-
-/// A place with its evidence, after verification.
-struct Place {
-    pose_map_sensor: Pose,
-    support: Support,
-    verified: Verified,
-}
-
-impl Place {
-    /// Matched segments, weighted by the share of points that are really there.
-    fn score(&self) -> f64 {
-        self.support.inliers.len() as f64 * self.verified.overlap
-    }
 }
 
 impl Localizer {
@@ -136,11 +123,11 @@ impl Localizer {
         candidates: &[Candidate],
         places: &[Place],
     ) -> Localization {
-        let runner_up = places.get(1);
+        let judged = judge(places, candidates, &self.config.verify);
         let mut answer = Localization {
             stamp: live.stamp,
-            verdict: Verdict::NotFound,
-            reason: None,
+            verdict: judged.verdict,
+            reason: judged.reason,
             pose_map_sensor: None,
             covariance: None,
             travel_m: live.travel_m,
@@ -148,8 +135,10 @@ impl Localizer {
             described: cloud.segments.len(),
             inliers: 0,
             score: 0.0,
-            runner_up: runner_up.map_or(0.0, Place::score),
-            runner_up_pose_map_sensor: runner_up.map(|p| self.to_map_frame(&p.pose_map_sensor)),
+            overlap: 0.0,
+            seen: 0.0,
+            runner_up: judged.runner_up.map_or(0.0, Place::score),
+            runner_up_pose_map_sensor: judged.runner_up.map(|p| self.to_map_frame(&p.pose_map_sensor)),
             matches: Vec::new(),
             timings: Timings::default(),
         };
@@ -158,18 +147,10 @@ impl Localizer {
             return answer;
         };
         (answer.inliers, answer.score) = (best.support.inliers.len(), best.score());
-        answer.reason = self.doubt(best);
-        if answer.reason.is_none() {
-            answer.verdict = Verdict::Located;
-            if answer.runner_up > self.config.verify.max_runner_up * answer.score {
-                answer.verdict = Verdict::Ambiguous;
-                answer.reason = Some(format!(
-                    "another place scores {:.1} against {:.1}: verify.max_runner_up = {}",
-                    answer.runner_up, answer.score, self.config.verify.max_runner_up
-                ));
-            }
+        (answer.overlap, answer.seen) = (best.verified.overlap, best.verified.seen);
+        if answer.verdict != Verdict::NotFound {
             answer.pose_map_sensor = Some(self.to_map_frame(&best.pose_map_sensor));
-            answer.covariance = best.verified.refined.covariance.map(|c| {
+            answer.covariance = judged.covariance.map(|c| {
                 let mut rows = [0.0; 36];
                 (0..36).for_each(|i| rows[i] = c[(i / 6, i % 6)]);
                 rows
@@ -177,29 +158,6 @@ impl Localizer {
             answer.matches = self.matches(candidates, best);
         }
         answer
-    }
-
-    /// Why the best place is not to be believed, if so.
-    fn doubt(&self, best: &Place) -> Option<String> {
-        let c = &self.config.verify;
-        let (inliers, v) = (best.support.inliers.len(), &best.verified);
-        if inliers < c.min_inliers {
-            Some(format!("{inliers} consistent matches: verify.min_inliers = {}", c.min_inliers))
-        } else if v.seen < c.min_seen {
-            Some(format!("{:.0} % of the cloud lies where the map is empty", 100.0 * (1.0 - v.seen)))
-        } else if v.overlap < c.min_overlap {
-            Some(format!(
-                "{:.0} % of the points fit the map: verify.min_overlap = {}",
-                100.0 * v.overlap,
-                c.min_overlap
-            ))
-        } else if best.score() < c.min_score {
-            Some(format!("score {:.1}: verify.min_score = {}", best.score(), c.min_score))
-        } else if v.refined.covariance.is_none() {
-            Some("the points do not fix a pose".to_owned())
-        } else {
-            None
-        }
     }
 
     fn nothing_found(&self, cloud: &Segmentation) -> String {

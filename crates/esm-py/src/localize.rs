@@ -149,7 +149,19 @@ impl Localization {
         self.inner.score
     }
 
-    /// The same for the best other place, 0 where there is none.
+    /// Share of the live points above the ground, where the map has been seen, that lie on what stands there in the map.
+    #[getter]
+    fn overlap(&self) -> f64 {
+        self.inner.overlap
+    }
+
+    /// Share of the live points above the ground that lie where the map has been seen.
+    #[getter]
+    fn seen(&self) -> f64 {
+        self.inner.seen
+    }
+
+    /// The score of the best other place, 0 where there is none.
     #[getter]
     fn runner_up(&self) -> f64 {
         self.inner.runner_up

@@ -172,6 +172,8 @@ mod tests {
             described: 40,
             inliers: 12,
             score: 9.5,
+            overlap: 0.0,
+            seen: 0.0,
             runner_up: 1.0,
             runner_up_pose_map_sensor: None,
             matches: Vec::new(),

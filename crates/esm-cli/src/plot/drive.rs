@@ -145,6 +145,8 @@ mod tests {
             described: 0,
             inliers: 0,
             score: 0.0,
+            overlap: 0.0,
+            seen: 0.0,
             runner_up: 0.0,
             runner_up_pose_map_sensor: None,
             matches: Vec::new(),

@@ -891,8 +891,16 @@ class Localization:
         """How well the best place explains the cloud: inliers weighted by the share of points found in the map."""
 
     @property
+    def overlap(self) -> float:
+        """Share of the live points above the ground, where the map has been seen, that lie on what stands there in the map."""
+
+    @property
+    def seen(self) -> float:
+        """Share of the live points above the ground that lie where the map has been seen."""
+
+    @property
     def runner_up(self) -> float:
-        """The same for the best other place, 0 where there is none."""
+        """The score of the best other place, 0 where there is none."""
 
     @property
     def runner_up_pose_map_sensor(self) -> _Float64 | None:
