@@ -111,19 +111,28 @@ const MEANINGS: &[(&str, &str)] = &[
     ("verify", "From places to a verdict."),
     ("verify.structure_points", "Points of what stands on the ground used for refinement and overlap."),
     ("verify.ground_points", "Points of the ground used for refinement."),
-    ("verify.min_inliers", "Matches a located cloud must have."),
-    (
-        "verify.min_overlap",
-        "Share of the cloud's points above the ground that must be found in the map, of those where the map has been seen, 0 to 1.",
-    ),
     (
         "verify.min_seen",
         "Share of the cloud's points above the ground that must lie where the map has been seen, 0 to 1.",
     ),
-    ("verify.min_score", "Score a located cloud must have: matches times overlap."),
+    (
+        "verify.max_false_per_thousand",
+        "Expected false localizations in a thousand clouds: a place is believed only when its evidence makes it that rare.",
+    ),
     (
         "verify.max_runner_up",
         "A second place with more than this share of the best score makes the cloud ambiguous, 0 to 1.",
+    ),
+    ("sequence", "From clouds to the way of one robot, where its motion is known. (not with --single)"),
+    ("sequence.drift", "Error of the odometry, metres a metre of travel."),
+    (
+        "sequence.reach_m",
+        "A place agrees with the motion when it lies this near to where an earlier one says, metres, besides the drift.",
+    ),
+    ("sequence.reach_deg", "And when it is turned by no more than this, degrees."),
+    (
+        "sequence.doubt_m",
+        "Travel over which a place that no cloud confirms becomes ten times less likely, metres.",
     ),
     ("map", "How maps are built."),
     (

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use esm_core::map::COVERAGE_CELL_M;
-use esm_core::{Accumulator, Config, Localization, Localizer, Map, Verdict, describe};
+use esm_core::{
+    Accumulator, Config, LiveCloud, Localization, Localizer, Map, SequenceLocalizer, Verdict, describe,
+};
 use serde_json::json;
 
 use crate::args::LocalizeArgs;
@@ -59,10 +61,11 @@ pub(crate) fn localize(args: &LocalizeArgs, lines: Lines) -> anyhow::Result<Foun
     while let Some(frame) = frames.next()? {
         if std::mem::replace(&mut stretch, frame.stretch) != frame.stretch {
             accumulator = Accumulator::new(config.accumulate.clone())?;
+            run.robot.forget();
         }
         let sweep = &frame.sweep;
         if let Some(live) = accumulator.push(sweep.stamp, &sweep.cloud, sweep.pose_odom_sensor) {
-            let result = run.localizer.localize(&live)?;
+            let result = run.localize(&live)?;
             run.take(&result, sweep.stamp_ns, stretch, live.pose_odom_sensor)?;
         }
     }
@@ -102,7 +105,7 @@ fn warn_of_other_segments(map: &Map, config: &Config) {
 struct Run<'a> {
     args: &'a LocalizeArgs,
     map: Arc<Map>,
-    localizer: Localizer,
+    robot: SequenceLocalizer,
     truth: Option<(Trajectory, Places)>,
     accumulate_m: f64,
     lines: Lines,
@@ -130,8 +133,9 @@ impl<'a> Run<'a> {
         Ok(Self {
             args,
             map: Arc::clone(map),
-            localizer: Localizer::new(Arc::clone(map), config)
-                .with_context(|| args.map.display().to_string())?,
+            robot: SequenceLocalizer::new(
+                Localizer::new(Arc::clone(map), config).with_context(|| args.map.display().to_string())?,
+            ),
             header: (!args.json).then(|| table_header(truth.is_some())),
             truth,
             accumulate_m: config.accumulate.distance_m,
@@ -141,6 +145,10 @@ impl<'a> Run<'a> {
             tally: Tally::default(),
             times: StageTimes::start(),
         })
+    }
+
+    fn localize(&mut self, live: &LiveCloud) -> Result<Localization, esm_core::Error> {
+        if self.args.single { self.robot.localizer().localize(live) } else { self.robot.localize(live) }
     }
 
     fn take(

@@ -9,6 +9,7 @@ use crate::estimate::PoseConfig;
 use crate::map::BuildConfig;
 use crate::matching::MatchConfig;
 use crate::segment::SegmentConfig;
+use crate::sequence::SequenceConfig;
 use crate::verify::VerifyConfig;
 
 /// The whole configuration, a table for each room of the pipeline. Unknown keys are refused.
@@ -30,6 +31,8 @@ pub struct Config {
     pub pose: PoseConfig,
     /// From places to a verdict.
     pub verify: VerifyConfig,
+    /// From clouds to the way of one robot.
+    pub sequence: SequenceConfig,
     /// How maps are built.
     pub map: BuildConfig,
 }
@@ -44,6 +47,7 @@ impl Default for Config {
             matching: MatchConfig::default(),
             pose: PoseConfig::default(),
             verify: VerifyConfig::default(),
+            sequence: SequenceConfig::default(),
             map: BuildConfig::default(),
         }
     }
@@ -61,6 +65,7 @@ impl Config {
         self.matching.check()?;
         self.pose.check()?;
         self.verify.check()?;
+        self.sequence.check()?;
         self.map.check()
     }
 }

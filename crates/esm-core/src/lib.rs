@@ -71,6 +71,7 @@ pub mod loops;
 pub mod map;
 pub mod matching;
 pub mod segment;
+pub mod sequence;
 
 mod verdict;
 pub mod verify;
@@ -84,3 +85,4 @@ pub use localization::{Localization, MatchedSegment, Timings, Verdict};
 pub use localizer::Localizer;
 pub use loops::{LoopAnswer, LoopClosure, LoopFinder};
 pub use map::{Map, MapBuilder};
+pub use sequence::{SequenceConfig, SequenceLocalizer};

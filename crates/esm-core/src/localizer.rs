@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use nalgebra::Vector3;
+
 use crate::accumulate::LiveCloud;
 use crate::cloud::Pose;
 use crate::config::Config;
@@ -14,8 +16,8 @@ use crate::localization::{Localization, MatchedSegment, Timings, Verdict};
 use crate::map::Map;
 use crate::matching::candidates;
 use crate::segment::{Segment, Segmentation, segment};
-use crate::verdict::{Place, judge};
-use crate::verify::{LivePoints, Surroundings, verify};
+use crate::verdict::{Judged, Place, judge};
+use crate::verify::{LivePoints, Shifts, Surroundings, verify};
 
 /// Finds live clouds in a prior map. Every cloud stands for itself: nothing is kept from one to the next.
 pub struct Localizer {
@@ -23,7 +25,17 @@ pub struct Localizer {
     descriptor: Arc<dyn Descriptor>,
     index: Index,
     surroundings: Surroundings,
+    shifts: Shifts,
     config: Config,
+}
+
+/// A cloud that was looked for, before the verdict.
+pub(crate) struct Look {
+    pub(crate) cloud: Segmentation,
+    pub(crate) candidates: Vec<Candidate>,
+    /// Best first, relative to the map's origin.
+    pub(crate) places: Vec<Place>,
+    timings: Timings,
 }
 
 impl Localizer {
@@ -48,7 +60,8 @@ impl Localizer {
         map.check_descriptor(&*descriptor)?;
         let index = Index::new(map.descriptors(), descriptor.dim(), config.matching.search);
         let surroundings = Surroundings::new(Arc::clone(&map), config.accumulate.max_range_m);
-        Ok(Self { map, descriptor, index, surroundings, config: config.clone() })
+        let shifts = Shifts::new(&map);
+        Ok(Self { map, descriptor, index, surroundings, shifts, config: config.clone() })
     }
 
     /// The map in use.
@@ -61,6 +74,14 @@ impl Localizer {
     /// # Errors
     /// [`Error::MapFile`] where points of the map that are needed turn out to be damaged.
     pub fn localize(&self, live: &LiveCloud) -> Result<Localization, Error> {
+        let look = self.look(live, &[])?;
+        let judged = judge(&look.places, &self.config.verify);
+        Ok(self.answer(live, look, judged))
+    }
+
+    /// Everything up to the verdict. Besides the places that the matches speak for, those of `expected_map_sensor` are
+    /// verified.
+    pub(crate) fn look(&self, live: &LiveCloud, expected_map_sensor: &[Pose]) -> Result<Look, Error> {
         let mut clock = Clock::new(live.elapsed);
         let cloud = segment(&live.cloud, &self.config.segment);
         clock.lap(|t| &mut t.segmentation);
@@ -70,13 +91,16 @@ impl Localizer {
         let candidates =
             candidates(&cloud.segments, &described, &self.map, &self.index, &self.config.matching);
         clock.lap(|t| &mut t.matching);
-        let places = search(&candidates, &self.config.pose, self.config.seed);
+        let mut hypotheses = search(&candidates, &self.config.pose, self.config.seed);
         clock.lap(|t| &mut t.pose);
-        let places = self.verify(&cloud, &candidates, places)?;
-        let mut answer = self.decide(live, &cloud, &candidates, &places);
+        let mut consensus = NearCentroids::new(&candidates, self.config.pose.inlier_m as f32, 0.0);
+        hypotheses.extend(expected_map_sensor.iter().map(|pose_map_sensor| {
+            let pose_map_sensor = self.to_origin_frame(pose_map_sensor);
+            Hypothesis { pose_map_sensor, support: consensus.support(&pose_map_sensor) }
+        }));
+        let places = self.verify(&cloud, &candidates, hypotheses)?;
         clock.lap(|t| &mut t.verification);
-        answer.timings = clock.timings;
-        Ok(answer)
+        Ok(Look { cloud, candidates, places, timings: clock.timings })
     }
 
     fn describe(&self, segments: &[Segment]) -> Descriptions {
@@ -103,27 +127,58 @@ impl Localizer {
             let surface = self.surroundings.surface([at.x, at.y, at.z])?;
             let verified = verify(&surface, &live, &hypothesis.pose_map_sensor);
             let pose_map_sensor = verified.refined.pose_map_sensor;
-            let support = consensus.support(&pose_map_sensor);
-            let place = Place { pose_map_sensor, support, verified };
+            let place = Place::new(consensus.support(&pose_map_sensor), verified, candidates);
             let twin = |p: &&mut Place| same_place(&p.pose_map_sensor, &pose_map_sensor, config.distinct_m);
             match places.iter_mut().find(twin) {
-                Some(known) if known.score() < place.score() => *known = place,
+                Some(known) if known.score < place.score => *known = place,
                 Some(_) => {}
                 None => places.push(place),
             }
         }
-        places.sort_by(|a, b| b.score().total_cmp(&a.score()));
+        if let Some(twin) = self.twin(&places, candidates, &live, &mut consensus)? {
+            let at = twin.pose_map_sensor;
+            match places.iter_mut().find(|p| same_place(&p.pose_map_sensor, &at, config.distinct_m)) {
+                Some(known) => known.score = known.score.max(twin.score),
+                None => places.push(twin),
+            }
+        }
+        places.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(places)
     }
 
-    fn decide(
+    /// The best place a step further on, where the map repeats itself so that it could be meant as well.
+    fn twin(
         &self,
-        live: &LiveCloud,
-        cloud: &Segmentation,
-        candidates: &[Candidate],
         places: &[Place],
-    ) -> Localization {
-        let judged = judge(places, candidates, &self.config.verify);
+        candidates: &[Candidate],
+        live: &LivePoints,
+        consensus: &mut NearCentroids<'_>,
+    ) -> Result<Option<Place>, Error> {
+        let least = self.config.verify.max_runner_up;
+        let Some(best) = places.iter().max_by(|a, b| a.score.total_cmp(&b.score)) else { return Ok(None) };
+        let mapped: Vec<u32> = best.support.inliers.iter().map(|i| candidates[*i as usize].map).collect();
+        let Some(shift) = self.shifts.best(&self.map, &mapped, self.config.pose.distinct_m) else {
+            return Ok(None);
+        };
+        if shift.share < least {
+            return Ok(None);
+        }
+        let step = Vector3::from(shift.step);
+        let mut pose = best.pose_map_sensor;
+        pose.translation.vector += step.cast::<f64>();
+        let at = pose.translation.vector.cast::<f32>();
+        let verified = verify(&self.surroundings.surface([at.x, at.y, at.z])?, live, &pose);
+        if same_place(&verified.refined.pose_map_sensor, &best.pose_map_sensor, self.config.pose.distinct_m) {
+            return Ok(None);
+        }
+        let support = consensus.support(&verified.refined.pose_map_sensor);
+        Ok(Some(best.shifted(step, shift.share, support, verified)))
+    }
+
+    /// What is said about the cloud once it is judged.
+    pub(crate) fn answer(&self, live: &LiveCloud, look: Look, judged: Judged) -> Localization {
+        let Look { cloud, candidates, places, timings } = look;
+        let runner_up = judged.runner_up.map(|i| &places[i]);
         let mut answer = Localization {
             stamp: live.stamp,
             verdict: judged.verdict,
@@ -137,16 +192,16 @@ impl Localizer {
             score: 0.0,
             overlap: 0.0,
             seen: 0.0,
-            runner_up: judged.runner_up.map_or(0.0, Place::score),
-            runner_up_pose_map_sensor: judged.runner_up.map(|p| self.to_map_frame(&p.pose_map_sensor)),
+            runner_up: runner_up.map_or(0.0, |p| p.score),
+            runner_up_pose_map_sensor: runner_up.map(|p| self.to_map_frame(&p.pose_map_sensor)),
             matches: Vec::new(),
-            timings: Timings::default(),
+            timings,
         };
-        let Some(best) = places.first() else {
-            answer.reason = Some(self.nothing_found(cloud));
+        let Some(best) = judged.best.map(|i| &places[i]) else {
+            answer.reason = Some(self.nothing_found(&cloud));
             return answer;
         };
-        (answer.inliers, answer.score) = (best.support.inliers.len(), best.score());
+        (answer.inliers, answer.score) = (best.support.inliers.len(), best.score);
         (answer.overlap, answer.seen) = (best.verified.overlap, best.verified.seen);
         if answer.verdict != Verdict::NotFound {
             answer.pose_map_sensor = Some(self.to_map_frame(&best.pose_map_sensor));
@@ -155,7 +210,7 @@ impl Localizer {
                 (0..36).for_each(|i| rows[i] = c[(i / 6, i % 6)]);
                 rows
             });
-            answer.matches = self.matches(candidates, best);
+            answer.matches = self.matches(&candidates, best);
         }
         answer
     }
@@ -187,9 +242,24 @@ impl Localizer {
             .collect()
     }
 
-    fn to_map_frame(&self, pose_origin_sensor: &Pose) -> Pose {
+    pub(crate) fn to_map_frame(&self, pose_origin_sensor: &Pose) -> Pose {
         let o = self.map.origin();
         Pose::translation(o[0], o[1], o[2]) * pose_origin_sensor
+    }
+
+    fn to_origin_frame(&self, pose_map_sensor: &Pose) -> Pose {
+        let o = self.map.origin();
+        Pose::translation(-o[0], -o[1], -o[2]) * pose_map_sensor
+    }
+
+    /// Ground that the map covers, square metres.
+    pub(crate) fn mapped_area_m2(&self) -> f64 {
+        self.surroundings.area_m2()
+    }
+
+    /// The configuration in use.
+    pub(crate) fn config(&self) -> &Config {
+        &self.config
     }
 }
 

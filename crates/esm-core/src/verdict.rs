@@ -5,19 +5,44 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 use crate::cloud::Pose;
 use crate::estimate::{Candidate, Support};
 use crate::localization::Verdict;
-use crate::verify::{Verified, VerifyConfig};
+use crate::verify::{Verified, VerifyConfig, chance_false};
 
 /// A place with its evidence, after verification. Its pose is relative to the map's origin.
 pub(crate) struct Place {
     pub(crate) pose_map_sensor: Pose,
     pub(crate) support: Support,
     pub(crate) verified: Verified,
+    /// Centroids of the map segments that are matched there, metres.
+    pub(crate) at: Vec<Vector3<f32>>,
+    /// Matched segments, weighted by the share of points that are really there.
+    pub(crate) score: f64,
 }
 
 impl Place {
-    /// Matched segments, weighted by the share of points that are really there.
-    pub(crate) fn score(&self) -> f64 {
-        self.support.inliers.len() as f64 * self.verified.overlap
+    /// A place that matches speak for.
+    pub(crate) fn new(support: Support, verified: Verified, candidates: &[Candidate]) -> Self {
+        let at: Vec<_> =
+            support.inliers.iter().map(|i| Vector3::from(candidates[*i as usize].pair.map)).collect();
+        let score = at.len() as f64 * verified.overlap;
+        Self { pose_map_sensor: verified.refined.pose_map_sensor, support, verified, at, score }
+    }
+
+    /// The same place a step further on, where the map repeats `share` of what is matched here.
+    pub(crate) fn shifted(
+        &self,
+        step: Vector3<f32>,
+        share: f64,
+        support: Support,
+        verified: Verified,
+    ) -> Self {
+        let at = self.at.iter().map(|p| p + step).collect();
+        let score = (self.at.len() as f64 * share * verified.overlap).min(self.score);
+        Self { pose_map_sensor: verified.refined.pose_map_sensor, support, verified, at, score }
+    }
+
+    /// That the best place of a cloud with this evidence is a false one, 0 to 1.
+    pub(crate) fn chance_false(&self) -> f64 {
+        chance_false(self.support.inliers.len(), self.verified.overlap)
     }
 }
 
@@ -31,60 +56,81 @@ const COPY_SHARED: f64 = 0.3;
 const COPY_MAX_SCORE: f64 = 0.8;
 
 /// What is to be said about a cloud.
-pub(crate) struct Judged<'a> {
+pub(crate) struct Judged {
     pub(crate) verdict: Verdict,
     pub(crate) reason: Option<String>,
-    /// Of the best place.
+    /// The place that is meant.
+    pub(crate) best: Option<usize>,
+    /// Of that place.
     pub(crate) covariance: Option<Matrix6<f64>>,
     /// The best other place.
-    pub(crate) runner_up: Option<&'a Place>,
+    pub(crate) runner_up: Option<usize>,
+}
+
+impl Judged {
+    /// The same, but nothing is believed.
+    pub(crate) fn disbelieved(self, reason: &str) -> Self {
+        Self { verdict: Verdict::NotFound, reason: Some(reason.to_owned()), covariance: None, ..self }
+    }
 }
 
 /// Judges the places of a cloud, best first.
-pub(crate) fn judge<'a>(places: &'a [Place], candidates: &[Candidate], config: &VerifyConfig) -> Judged<'a> {
-    let runner_up = places.get(1);
-    let mut judged = Judged { verdict: Verdict::NotFound, reason: None, covariance: None, runner_up };
+pub(crate) fn judge(places: &[Place], config: &VerifyConfig) -> Judged {
+    let runner_up = (places.len() > 1).then_some(1);
+    let mut judged =
+        Judged { verdict: Verdict::NotFound, reason: None, best: None, covariance: None, runner_up };
     let Some(best) = places.first() else { return judged };
-    judged.covariance = best.verified.refined.covariance;
+    judged.best = Some(0);
     judged.reason = doubt(best, config);
     if judged.reason.is_some() {
         return judged;
     }
     judged.verdict = Verdict::Located;
-    let is_copy = |other: &&Place| is_copy(best, other, candidates);
-    let rival = |other: &&Place| !(is_copy(other) && other.score() <= COPY_MAX_SCORE * best.score());
-    if let Some(rival) = places[1..].iter().find(rival)
-        && rival.score() > config.max_runner_up * best.score()
+    judged.covariance = covariance(0, places);
+    if let Some(rival) = rival(0, places)
+        && rival.score > config.max_runner_up * best.score
     {
         judged.verdict = Verdict::Ambiguous;
         judged.reason = Some(format!(
             "another place scores {:.1} against {:.1}: verify.max_runner_up = {}",
-            rival.score(),
-            best.score(),
-            config.max_runner_up
+            rival.score, best.score, config.max_runner_up
         ));
-    }
-    if let Some(copy) = runner_up.filter(is_copy) {
-        judged.covariance = judged.covariance.map(|c| c + disagreement(best, copy));
     }
     judged
 }
 
-/// Why the best place is not to be believed, if so.
-fn doubt(best: &Place, c: &VerifyConfig) -> Option<String> {
-    let (inliers, v) = (best.support.inliers.len(), &best.verified);
-    if inliers < c.min_inliers {
-        Some(format!("{inliers} consistent matches: verify.min_inliers = {}", c.min_inliers))
-    } else if v.seen < c.min_seen {
+/// The best place that a cloud at `meant` may be mistaken for.
+pub(crate) fn rival(meant: usize, places: &[Place]) -> Option<&Place> {
+    let best = &places[meant];
+    let others = places.iter().enumerate().filter(|(i, _)| *i != meant).map(|(_, p)| p);
+    others
+        .filter(|p| !(is_copy(best, p) && p.score <= COPY_MAX_SCORE * best.score))
+        .max_by(|a, b| a.score.total_cmp(&b.score))
+}
+
+/// The covariance of a place; that of its copies in the map included.
+pub(crate) fn covariance(meant: usize, places: &[Place]) -> Option<Matrix6<f64>> {
+    let best = &places[meant];
+    let others = places.iter().enumerate().filter(|(i, _)| *i != meant).map(|(_, p)| p);
+    let copies = others.filter(|p| is_copy(best, p));
+    let spread: Matrix6<f64> = copies.map(|p| disagreement(best, p)).sum();
+    best.verified.refined.covariance.map(|c| c + spread)
+}
+
+/// Why a place is not to be believed, if so.
+fn doubt(place: &Place, c: &VerifyConfig) -> Option<String> {
+    let v = &place.verified;
+    let per_thousand = 1000.0 * place.chance_false();
+    if v.seen < c.min_seen {
         Some(format!("{:.0} % of the cloud lies where the map is empty", 100.0 * (1.0 - v.seen)))
-    } else if v.overlap < c.min_overlap {
+    } else if per_thousand > c.max_false_per_thousand {
         Some(format!(
-            "{:.0} % of the points fit the map: verify.min_overlap = {}",
+            "{} consistent matches and {:.0} % of the points fit, which {per_thousand:.2} false places in a thousand clouds do \
+             too: verify.max_false_per_thousand = {}",
+            place.support.inliers.len(),
             100.0 * v.overlap,
-            c.min_overlap
+            c.max_false_per_thousand
         ))
-    } else if best.score() < c.min_score {
-        Some(format!("score {:.1}: verify.min_score = {}", best.score(), c.min_score))
     } else if v.refined.covariance.is_none() {
         Some("the points do not fix a pose".to_owned())
     } else {
@@ -97,24 +143,20 @@ fn doubt(best: &Place, c: &VerifyConfig) -> Option<String> {
 /// Then every live segment has two counterparts side by side. Where a place only looks like the next one, as a row of
 /// trees does one tree further on, the other pose matches the same map segments with their neighbours: there its
 /// matches lie where the best pose has matches too.
-fn is_copy(best: &Place, other: &Place, candidates: &[Candidate]) -> bool {
+fn is_copy(best: &Place, other: &Place) -> bool {
     let apart = (best.pose_map_sensor.translation.vector - other.pose_map_sensor.translation.vector).norm();
     let turned = best.pose_map_sensor.rotation.angle_to(&other.pose_map_sensor.rotation);
     if apart > COPY_M || turned > COPY_RAD {
         return false;
     }
-    let at = |place: &Place| -> Vec<Vector3<f32>> {
-        place.support.inliers.iter().map(|i| Vector3::from(candidates[*i as usize].pair.map)).collect()
-    };
-    let (mine, near) = (at(best), (apart / 2.0) as f32);
-    let theirs = at(other);
-    let shared = theirs.iter().filter(|t| mine.iter().any(|m| (*m - **t).norm() < near)).count();
-    (shared as f64) < COPY_SHARED * theirs.len() as f64
+    let near = (apart / 2.0) as f32;
+    let shared = other.at.iter().filter(|t| best.at.iter().any(|m| (*m - **t).norm() < near)).count();
+    (shared as f64) < COPY_SHARED * other.at.len() as f64
 }
 
 /// What the distance to a copy adds to the covariance: the variance of a choice between the two by their scores.
 fn disagreement(best: &Place, copy: &Place) -> Matrix6<f64> {
-    let chance = copy.score() / (best.score() + copy.score());
+    let chance = copy.score / (best.score + copy.score);
     let offset = best.pose_map_sensor.inverse_transform_vector(
         &(copy.pose_map_sensor.translation.vector - best.pose_map_sensor.translation.vector),
     );
@@ -131,7 +173,7 @@ mod tests {
     use crate::verify::Refined;
 
     /// Live segments on a grid of `pitch` metres with their counterparts, and again `offset` beside them.
-    fn twice(n: i32, pitch: f32, offset: f32) -> (Vec<Candidate>, Vec<Place>) {
+    fn twice(n: i32, pitch: f32, offset: f32) -> Vec<Place> {
         let mut candidates = Vec::new();
         let mut inliers = [Vec::new(), Vec::new()];
         for i in 0..n * n {
@@ -152,26 +194,20 @@ mod tests {
         }
         let [first, mut second] = inliers;
         second.truncate(second.len() * 7 / 10);
-        let place = |x: f32, inliers: Vec<u32>| Place {
-            pose_map_sensor: Pose::translation(f64::from(x), 0.0, 0.0),
-            support: Support { weight: inliers.len() as f64, inliers },
-            verified: Verified {
-                refined: Refined {
-                    pose_map_sensor: Pose::translation(f64::from(x), 0.0, 0.0),
-                    covariance: Some(Matrix6::identity() * 1e-4),
-                    residual: 1.0,
-                },
-                overlap: 1.0,
-                seen: 1.0,
-            },
+        let place = |x: f32, inliers: Vec<u32>| {
+            let pose_map_sensor = Pose::translation(f64::from(x), 0.0, 0.0);
+            let covariance = Some(Matrix6::identity() * 1e-4);
+            let refined = Refined { pose_map_sensor, covariance, residual: 1.0 };
+            let support = Support { weight: inliers.len() as f64, inliers };
+            Place::new(support, Verified { refined, overlap: 1.0, seen: 1.0 }, &candidates)
         };
-        (candidates, vec![place(0.0, first), place(offset, second)])
+        vec![place(0.0, first), place(offset, second)]
     }
 
     #[test]
     fn a_place_that_the_map_holds_twice_is_no_rival_but_widens_the_covariance() {
-        let (candidates, places) = twice(5, 7.0, 2.1);
-        let judged = judge(&places, &candidates, &VerifyConfig::default());
+        let places = twice(5, 7.0, 2.1);
+        let judged = judge(&places, &VerifyConfig::default());
         assert_eq!(judged.verdict, Verdict::Located);
         let sigma = judged.covariance.unwrap()[(0, 0)].sqrt();
         assert!((1.0..2.0).contains(&sigma), "{sigma}");
@@ -179,8 +215,8 @@ mod tests {
 
     #[test]
     fn a_row_of_trees_one_further_on_is_a_rival() {
-        let (candidates, places) = twice(5, 3.0, 3.0);
-        let judged = judge(&places, &candidates, &VerifyConfig::default());
+        let places = twice(5, 3.0, 3.0);
+        let judged = judge(&places, &VerifyConfig::default());
         assert_eq!(judged.verdict, Verdict::Ambiguous);
         assert!(judged.reason.unwrap().contains("verify.max_runner_up"));
     }

@@ -22,6 +22,7 @@ mod output;
 mod pose;
 mod recording;
 mod segment;
+mod sequence;
 mod simulate;
 mod threads;
 mod work;
@@ -62,6 +63,8 @@ mod _native {
     use crate::segment::{
         Segment, Segmentation, euclidean_clusters, ground_flags, segment, segments_of, voxel_filter,
     };
+    #[pymodule_export]
+    use crate::sequence::SequenceLocalizer;
     #[pymodule_export]
     use crate::simulate::{Preset, Progress, Summary, simulate};
 

@@ -24,6 +24,12 @@ pub(crate) struct Localizer {
     threads: Threads,
 }
 
+impl Localizer {
+    pub(crate) fn core(&self) -> Arc<core::Localizer> {
+        Arc::clone(&self.inner)
+    }
+}
+
 #[pymethods]
 impl Localizer {
     #[new]

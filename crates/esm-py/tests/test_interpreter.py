@@ -189,6 +189,7 @@ def results(world: World, folder: Path) -> list[Any]:
         world.recording("live").sweeps(),
         accumulator,
         localizer,
+        esm_py.SequenceLocalizer(localizer),
         surveyor,
         esm_py.MapBuilder(),
         esm_py.LoopFinder(),

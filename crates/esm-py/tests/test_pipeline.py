@@ -45,17 +45,19 @@ def test_a_map_is_the_command_lines_to_the_byte(world: World, cli: Cli, tmp_path
     assert info["settings"] == world.map.settings
 
 
-def test_answers_are_the_command_lines_to_the_bit(world: World, cli: Cli, tmp_path: Path) -> None:
-    chosen = ["--frames", "1-60"]
-    lines = cli.lines("localize", "--map", world.map_file, world.folder / "live.mcap", *chosen, *flags(CONFIG, tmp_path))
+@pytest.mark.parametrize("single", [True, False])
+def test_answers_are_the_command_lines_to_the_bit(single: bool, world: World, cli: Cli, tmp_path: Path) -> None:
+    chosen = ["--frames", "1-60", *(["--single"] if single else []), *flags(CONFIG, tmp_path)]
+    lines = cli.lines("localize", "--map", world.map_file, world.folder / "live.mcap", *chosen)
     answers = [line for line in lines if "verdict" in line]
     localizer = esm_py.Localizer(esm_py.Map.open(world.map_file), CONFIG)
+    localize = localizer.localize if single else esm_py.SequenceLocalizer(localizer).localize
     accumulator = esm_py.Accumulator(CONFIG)
     located = 0
     for sweep, line in zip(world.recording("live"), answers, strict=False):
         live = accumulator.push_sweep(sweep)
         assert live is not None
-        ours = localizer.localize(live)
+        ours = localize(live)
         keys = ("stamp", "verdict", "reason", "travel_m", "segments", "described", "inliers", "score", "runner_up")
         assert {k: getattr(ours, k) for k in keys} == {k: line[k] for k in keys}
         if ours.pose_map_sensor is None:

@@ -1,12 +1,16 @@
 //! Verification: a place is believed only when the live points really lie on what the map holds there.
 
+mod chance;
 mod refine;
+mod shifts;
 mod surface;
 mod surroundings;
 
 use serde::{Deserialize, Serialize};
 
+pub use chance::chance_false;
 pub use refine::{Refined, refine};
+pub use shifts::{Shift, Shifts};
 pub use surface::{Gaussian, Surface, Tile};
 pub use surroundings::Surroundings;
 
@@ -22,14 +26,11 @@ pub struct VerifyConfig {
     pub structure_points: usize,
     /// Live points of the ground used for refinement.
     pub ground_points: usize,
-    /// Matches a located cloud must have.
-    pub min_inliers: usize,
-    /// Share of the live points above the ground that must be found in the map, of those where the map has been seen.
-    pub min_overlap: f64,
     /// Share of the live points above the ground that must lie where the map has been seen.
     pub min_seen: f64,
-    /// Score a located cloud must have: inliers times overlap.
-    pub min_score: f64,
+    /// Expected false localizations in a thousand clouds: a place is believed only when its evidence makes it that rare
+    /// ([`chance_false`]).
+    pub max_false_per_thousand: f64,
     /// A second place with more than this share of the best place's score makes the cloud ambiguous.
     pub max_runner_up: f64,
 }
@@ -39,10 +40,8 @@ impl Default for VerifyConfig {
         Self {
             structure_points: 3000,
             ground_points: 1000,
-            min_inliers: 5,
-            min_overlap: 0.88,
             min_seen: 0.3,
-            min_score: 4.0,
+            max_false_per_thousand: 0.1,
             max_runner_up: 0.5,
         }
     }
@@ -61,9 +60,13 @@ impl VerifyConfig {
             self.structure_points,
             "100 or more",
         )?;
-        require(share(self.min_overlap), "verify.min_overlap", self.min_overlap, "0 to 1")?;
         require(share(self.min_seen), "verify.min_seen", self.min_seen, "0 to 1")?;
-        require(self.min_score >= 0.0, "verify.min_score", self.min_score, "0 or more")?;
+        require(
+            (0.0..=1000.0).contains(&self.max_false_per_thousand),
+            "verify.max_false_per_thousand",
+            self.max_false_per_thousand,
+            "0 to 1000",
+        )?;
         require(share(self.max_runner_up), "verify.max_runner_up", self.max_runner_up, "0 to 1")
     }
 }

@@ -11,6 +11,7 @@ The crates of esm one to one, with NumPy arrays in the place of clouds, poses an
 | `Index`, `candidates`, `search` | descriptions, a `Map` | candidate matches, and the places they agree on |
 | `MapBuilder`, `Map` | live clouds with poses | the prior map |
 | `Localizer` | a live cloud | `Localization`: pose, covariance, evidence and a verdict |
+| `SequenceLocalizer` | live clouds with odometry | the same, in the light of the clouds before |
 | `LoopFinder` | live clouds | the places of one recording that were passed before |
 | `simulate` | a preset and a seed | recordings of a world with truth |
 | `Surveyor`, `SegmentSetWriter` | sweeps with truth | labelled segments for learning |
@@ -58,6 +59,7 @@ from esm_py._native import (
     Segment,
     Segmentation,
     SegmentSetWriter,
+    SequenceLocalizer,
     Standardizer,
     Summary,
     Surveyor,
@@ -121,6 +123,7 @@ __all__ = [
     "Scan",
     "Segment",
     "SegmentSetWriter",
+    "SequenceLocalizer",
     "Segmentation",
     "Standardizer",
     "Summary",

@@ -935,6 +935,21 @@ class MatchedSegment:
         """Centroid of the map segment, shape (3,), metres, map frame."""
 
 @final
+class SequenceLocalizer:
+    """Localizes the clouds of one robot in the order they were taken.
+
+    Every cloud is looked for in the whole map; where its places agree with those of earlier clouds and the odometry in
+    between, they make each other more likely. This is what `esm-cli localize` does without `--single`.
+    """
+
+    def __new__(cls, localizer: Localizer, *, threads: int | None = None) -> Self: ...
+    def localize(self, live: LiveCloud) -> Localization:
+        """Find the cloud in the map in the light of those before it."""
+
+    def forget(self) -> None:
+        """Forget where the robot was: after a gap, or when it was carried elsewhere."""
+
+@final
 class LoopFinder:
     """Grows a map of the recording's past and looks for every new cloud in it.
 
