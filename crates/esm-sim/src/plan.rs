@@ -59,7 +59,11 @@ impl<'a> Plan<'a> {
         let key = Key::new(seed).with(0x5EE9).with(tour.visit.number.into());
         let height = |x, y| world.height(x, y);
         let way = tour.way(world, length);
-        let trajectory = Arc::new(Trajectory::new(way, preset.ride(), key.with(1), height));
+        let mut trajectory = Trajectory::new(way, preset.ride(), key.with(1), height);
+        if tour.offset_m != 0.0 {
+            trajectory = trajectory.beside(Tour { offset_m: 0.0, ..*tour }.way(world, length));
+        }
+        let trajectory = Arc::new(trajectory);
         // Both visits drive the same vehicle.
         let sensor = Sensor { unit: seed, ..preset.sensor() };
         let end = length.min(trajectory.length());
