@@ -128,7 +128,7 @@ fn drives_that_cannot_be_are_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
     /// Whatever the world, the seed and the drive: the truth is finite, as long as it should be, and near the mapped way.
     #[test]

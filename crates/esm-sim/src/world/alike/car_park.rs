@@ -39,6 +39,9 @@ const ONE_ODD_OF: f32 = 280.0;
 const AISLES_BEYOND: usize = 3;
 /// Middles of the roads along the ends of the rows, metres from them.
 const END_ROAD_M: f64 = 5.8;
+/// How far the asphalt reaches beyond the bays, and where across the shop's front is, metres.
+const EDGE_M: f64 = 9.4;
+const SHOP_M: f64 = -14.0;
 
 /// How the rows lie.
 #[derive(Clone, Copy)]
@@ -107,15 +110,10 @@ pub(in crate::world) fn car_park(key: Key, length_m: f64, visit: Visit) -> Site 
         of: Box::new(move |x, y| {
             let [u, v] = frame.of(x, y);
             let (out_u, out_v) = ((-u).max(u - length), (-v).max(v - width));
-            match out_u.max(out_v) {
-                d if d > 9.4 => {
-                    if out_v > 0.0 && v < 0.0 {
-                        Class::Pavement
-                    } else {
-                        Class::Grass
-                    }
-                }
-                _ => Class::Road,
+            match (out_u.max(out_v) < EDGE_M, v < 0.0 && v > SHOP_M && out_u < EDGE_M) {
+                (true, _) => Class::Road,
+                (false, true) => Class::Pavement,
+                (false, false) => Class::Grass,
             }
         }),
     };
@@ -266,7 +264,7 @@ fn around(site: &mut Site, plan: &Plan) {
     let pillars = (length / 6.0) as usize;
     let entrance = key.with(30).draw().count(1, pillars.saturating_sub(2).max(1));
     for n in 0..pillars {
-        let at = frame.at(6.0 * (n as f64 + 0.5), -14.0);
+        let at = frame.at(6.0 * (n as f64 + 0.5), SHOP_M);
         site.fixed(Class::Building, at, move || shop(out, n == entrance));
     }
     let along = frame.yaw(0.0);

@@ -93,25 +93,32 @@ pub(super) struct Ground {
 pub(in crate::world) struct Site {
     ground: Ground,
     visit: Visit,
+    /// Numbers given to what lasts, and to what is new at the visit.
     count: u32,
+    new: u32,
     /// By tile, once [`done`](Self::done).
     things: Vec<Thing>,
 }
 
 impl Site {
     pub(super) fn new(ground: Ground, visit: Visit) -> Self {
-        Self { ground, visit, count: 0, things: Vec::new() }
+        Self { ground, visit, count: 0, new: 0, things: Vec::new() }
     }
 
     pub(super) fn visit(&self) -> Visit {
         self.visit
     }
 
-    /// The next number: all that might stand counts, whether it does or not, so numbers hold over the visits.
-    fn next(&mut self, new: bool) -> u32 {
-        let (page, count) = (((self.count / PAGE) as i32, 0), self.count % PAGE);
+    /// The next number of what lasts: all that might stand counts, whether it does or not, so numbers hold over the visits.
+    fn next(&mut self) -> u32 {
         self.count += 1;
-        if new { new_object_id(page, self.visit, count) } else { object_id(page, count) }
+        object_id((((self.count - 1) / PAGE) as i32, 0), (self.count - 1) % PAGE)
+    }
+
+    /// The next number of what is of this visit alone.
+    fn next_new(&mut self) -> u32 {
+        self.new += 1;
+        new_object_id((((self.new - 1) / PAGE) as i32, 0), self.visit, (self.new - 1) % PAGE)
     }
 
     fn push(&mut self, id: u32, class: Class, at: [f64; 2], shapes: Make) {
@@ -125,7 +132,7 @@ impl Site {
         at: [f64; 2],
         shapes: impl Fn() -> Vec<Shape> + Send + Sync + 'static,
     ) {
-        let id = self.next(false);
+        let id = self.next();
         self.push(id, class, at, Box::new(shapes));
     }
 
@@ -137,7 +144,7 @@ impl Site {
         at: [f64; 2],
         shapes: impl Fn() -> Vec<Shape> + Send + Sync + 'static,
     ) -> bool {
-        let (id, stands) = (self.next(false), self.visit.keeps(key));
+        let (id, stands) = (self.next(), self.visit.keeps(key));
         if stands {
             self.push(id, class, at, Box::new(shapes));
         }
@@ -151,7 +158,7 @@ impl Site {
         at: [f64; 2],
         shapes: impl Fn() -> Vec<Shape> + Send + Sync + 'static,
     ) {
-        let id = self.next(true);
+        let id = self.next_new();
         self.push(id, class, at, Box::new(shapes));
     }
 
@@ -159,7 +166,8 @@ impl Site {
     /// visit.
     pub(super) fn loose(&mut self, key: Key, of: impl FnOnce(Key) -> Option<Put>) {
         let kept = self.visit.keeps_loose(key);
-        let id = self.next(!kept);
+        let old = self.next();
+        let id = if kept { old } else { self.next_new() };
         if let Some(put) = of(if kept { key } else { self.visit.own(key) }) {
             self.push(id, put.class, put.at, put.shapes);
         }

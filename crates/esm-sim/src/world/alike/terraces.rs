@@ -44,7 +44,6 @@ struct Plan {
     frame: Frame,
     style: Style,
     houses: usize,
-    streets: usize,
 }
 
 /// A side of a street: where its middle lies, and 1 or -1, the side of it.
@@ -81,7 +80,7 @@ pub(in crate::world) fn terraces(key: Key, length_m: f64, visit: Visit) -> Site 
     let legs = legs(length_m, length + 2.0 * ACROSS_M + STREET_M);
     let streets = legs + 2 * BESIDE;
     let frame = Frame::new(key, [0.5 * length, 0.5 * STREET_M * (streets - 1) as f64]);
-    let plan = Plan { key, frame, style: Style::new(&mut key.with(3).draw()), houses, streets };
+    let plan = Plan { key, frame, style: Style::new(&mut key.with(3).draw()), houses };
     let across: Vec<f64> = (0..legs).map(|n| STREET_M * (n + BESIDE) as f64).collect();
     let ends = [-ACROSS_M, length + ACROSS_M];
     let rough = frame.path(&serpentine(ends, &across));
