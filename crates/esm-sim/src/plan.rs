@@ -66,7 +66,10 @@ impl<'a> Plan<'a> {
         let trajectory = Arc::new(trajectory);
         // Both visits drive the same vehicle.
         let sensor = Sensor { unit: seed, ..preset.sensor() };
-        let end = length.min(trajectory.length());
+        // Beside it, a bent way is longer or shorter: the same stretch is driven.
+        let end = trajectory.lane().map_or(length.min(trajectory.length()), |lane| {
+            length.min(lane.length()) / lane.length().max(1.0) * trajectory.length()
+        });
         let stamps_ns = stamps(preset, &trajectory, tour.part.0 * end, tour.part.1 * end, sensor.period_s);
         let truth: Vec<Pose> = stamps_ns.iter().map(|ns| trajectory.pose(seconds(*ns))).collect();
         let odometry = drifted(&truth, preset.drift, key.with(2));

@@ -136,8 +136,9 @@ fn terraces_repeat_their_house() {
         panes.iter().copied().filter(|w| w.shapes.len() == usual).collect()
     };
     assert!(same.len() > 400, "{} houses", same.len());
-    let (mean, deviation) = spread(&nearest(&places(&same)));
-    assert!((mean - 5.5).abs() < 0.06 && deviation < 0.6, "{mean} m, {deviation} m");
+    let gaps = nearest(&places(&same));
+    let next = gaps.iter().filter(|g| (*g - 5.5).abs() < 0.001).count() as f64 / gaps.len() as f64;
+    assert!(next > 0.97, "{next} of the fronts are 5.5 m from the next, to the millimetre");
     let at = places(&same);
     let [x, y] = along(&at, 5.5);
     for step in [[5.5 * x, 5.5 * y], [33.0 * x, 33.0 * y], [-52.0 * y, 52.0 * x]] {
@@ -206,7 +207,7 @@ fn what_changes_and_what_does_not() {
         let gone = things.iter().filter(|o| !kept(o)).count() as f64 / things.len() as f64;
         let sigma = (share * (1.0 - share) / things.len() as f64).sqrt();
         assert!((gone - share).abs() < 4.0 * sigma, "{name}: {gone} of {} {class:?}", things.len());
-        assert!(of(&before, Class::Building).iter().all(|o| kept(o)), "{name}: houses last");
+        assert!(of(&before, Class::Window).iter().all(|o| kept(o)), "{name}: houses last");
     }
 }
 

@@ -69,6 +69,24 @@ fn the_live_visit_alone_is_another() {
     assert!(live.iter().any(|p| off(p) > 1.2), "somewhere it is beside the way");
 }
 
+/// Outside of a bent way the whole of it is accompanied, not as many metres of it.
+#[test]
+fn ways_beside_are_as_long_as_the_mapped_one() {
+    let forest = preset("train-forest").unwrap();
+    let ends = |p: &Preset| {
+        let world = Plan::world(p, 100, 0.15, &p.live);
+        let truth = Plan::new(p, 100, 0.15, &p.live, &world).truth;
+        [truth[0], truth[truth.len() - 1]].map(|pose| pose.translation.vector)
+    };
+    let own = ends(&forest);
+    for offset_m in [5.0, -5.0] {
+        let beside = ends(&Drive { offset_m, ..Drive::default() }.of(&forest).unwrap());
+        for (a, b) in own.iter().zip(&beside) {
+            assert!((a - b).norm() < 9.0, "{offset_m}: {} m from the plain one's end", (a - b).norm());
+        }
+    }
+}
+
 #[test]
 fn a_part_of_another_drive_is_not_gone_on_with() {
     let dir = tempfile::tempdir().unwrap();

@@ -48,7 +48,9 @@ fn numbers_are_unique_and_last() {
             assert_eq!((a.class, a.anchor), (b.class, b.anchor), "{kind:?} {id:#x}");
             same += 1;
         }
-        assert!(same > first.len() / 2, "{kind:?}: {same} of {}", first.len());
+        // Of what stands in a car park most moves easily.
+        let least = if kind == WorldKind::CarPark { first.len() / 4 } else { first.len() / 2 };
+        assert!(same > least, "{kind:?}: {same} of {}", first.len());
     }
 }
 
