@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::preset::Preset;
 
 /// Metres beside the mapped way, at most.
-const MOST_ASIDE_M: f64 = 20.0;
+pub(crate) const MOST_ASIDE_M: f64 = 20.0;
 
 /// How the live visit differs from a preset's own. The map visit is the same to the byte whatever is asked for here.
 ///

@@ -5,6 +5,7 @@ use rustc_hash::FxHashMap;
 
 use super::{Class, Moving, TILE_M, World, tile_of};
 use crate::cast::Footprint;
+use crate::drive::MOST_ASIDE_M;
 use crate::motion::Path;
 
 /// Metres along the way between two choices.
@@ -35,6 +36,7 @@ struct Width {
 /// carriageway), or too near to something solid, it keeps as near to that distance as it can, between it and the way itself,
 /// which is always free; it does not swerve for short gaps.
 pub(super) fn aside(world: &World, way: &Path, left_m: f64) -> Path {
+    let left_m = left_m.clamp(-MOST_ASIDE_M, MOST_ASIDE_M);
     let count = (left_m.abs() / LANE_M).round() as usize;
     let steps = (way.length() / STEP_M).round().max(1.0) as usize;
     let step = way.length() / steps as f64;
