@@ -14,7 +14,7 @@ use esm_sim::{
 
 fn raycast(c: &mut Criterion) {
     let sensor = SensorModel::Hdl64e.sensor();
-    let visit = Visit { number: 0, season: Season::May, change: 0.0 };
+    let visit = Visit { number: 0, season: Season::May, change: 0.0, changed: None };
     for (name, kind) in
         [("forest", WorldKind::Forest), ("park", WorldKind::Park), ("urban", WorldKind::Urban)]
     {

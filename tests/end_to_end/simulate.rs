@@ -52,6 +52,8 @@ fn recordings_are_the_same_bytes_with_any_number_of_threads() {
     let report: Value = serde_json::from_str(&again("101", &[]).ended(0).stdout).unwrap();
     assert_eq!((&report["was_complete"], stamp()), (&Value::Bool(true), before));
     assert!(report["points"].as_u64().unwrap() > 100_000 && report["elapsed_s"].is_null(), "{report}");
+    again("101", &["--live-changed", "0.3"])
+        .failed(&["another simulation: train-forest, seed 101", "--force"]);
     again("102", &[]).failed(&["another simulation: train-forest, seed 101", "--force"]);
     assert_eq!(stamp(), before);
     let report: Value = serde_json::from_str(&again("102", &["--force"]).ended(0).stdout).unwrap();
@@ -134,6 +136,8 @@ fn what_cannot_be_simulated_is_told() {
     for scale in ["0", "-1", "nan", "5"] {
         esm!["simulate", "kitti", "--scale", scale, "-o", out].failed(&["scale", "0.005 to 4"]);
     }
+    esm!["simulate", "kitti", "-o", out, "--live-offset", "30"].failed(&["30 m beside", "-20 to 20"]);
+    esm!["simulate", "kitti", "-o", out, "--live-changed", "1.5"].failed(&["share 1.5", "0 to 1"]);
     esm!["simulate", "kitti", "-o", out, "--threads", "0"].failed(&["--threads 0"]);
     esm!["simulate", "kitti", "-o", out, "--plot", out.join("x.jpg")]
         .failed(&["end the name in .png or .svg"]);

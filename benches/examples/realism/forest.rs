@@ -36,7 +36,7 @@ pub(crate) fn table(shared: &Path, seed: u64, work: &Path) -> Result<Table, Box<
     }
     let about = |p: &[f32; 3]| std::array::from_fn(|a| p[a] - middle[a] as f32);
     let real = [Plot::new(cloud.points().iter().map(about).collect())];
-    let visit = Visit { number: 0, season: Season::May, change: 0.0 };
+    let visit = Visit { number: 0, season: Season::May, change: 0.0, changed: None };
     let world = World::new(WorldKind::Forest, seed, 900.0, visit);
     let sim: Vec<Plot> = (0..40)
         .map(|n| plot_middle(&world, n))

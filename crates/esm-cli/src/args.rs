@@ -199,6 +199,17 @@ pub struct SimulateArgs {
     /// Directory for the recordings; made where it is missing
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub output: PathBuf,
+    /// Drive the live visit the other way round, in the other lane where there are lanes
+    #[arg(long)]
+    pub live_reversed: bool,
+    /// Drive the live visit M metres beside the mapped way, to its left as it is driven (-20 to 20), or as far as the
+    /// ground allows: on the carriageway, and clear of what stands
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub live_offset: f64,
+    /// Share (0 to 1) of what can change that is gone, new or moved at the live visit: trees, bushes, street
+    /// furniture, cars, bins [default: as the preset has it]
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+    pub live_changed: Option<f64>,
     /// Draw the world from above, and a sweep in perspective
     #[arg(long, value_name = "FILE.png|FILE.svg", value_hint = ValueHint::FilePath)]
     pub plot: Option<PathBuf>,
@@ -218,6 +229,7 @@ DIR holds map.mcap and live.mcap, the two visits; map_truth.tum and live_truth.t
 truly was, both in the map frame; preset.toml, how they were made. Build the map with
 `map build DIR/map.mcap --poses DIR/map_truth.tum` to have it in the frame of the truth.
 A simulation that was stopped goes on where it was when the same command is given again.
+The map visit is the same to the byte whatever --live-... says: one map serves all drives of a seed.
 
 Points have x y z (m, in the sensor frame), intensity (0-255), time (s, 0 or before: the stamp is the
 end of a sweep), ring (0 is the lowest laser), object_id (0 is the ground; the same thing has the same

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use esm_sim::{Preset, Progress, State, Summary};
+use esm_sim::{Drive, Preset, Progress, State, Summary};
 use serde_json::json;
 
 use crate::args::SimulateArgs;
@@ -17,7 +17,9 @@ pub(crate) const RECORDINGS: [&str; 2] = ["map.mcap", "live.mcap"];
 
 pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Outcome> {
     esm_sim::check_scale(args.scale)?;
-    let preset = esm_sim::preset(&args.preset)?;
+    let drive =
+        Drive { reversed: args.live_reversed, offset_m: args.live_offset, changed: args.live_changed };
+    let preset = drive.of(&esm_sim::preset(&args.preset)?)?;
     if let Some(path) = &args.plot {
         plot::check_format(path)?;
         // It may lie in the directory that is about to be made.
@@ -129,6 +131,7 @@ fn table(args: &SimulateArgs, preset: &Preset, made: &Made) -> String {
         ("simulated", format!("{}, seed {}, scale {}", preset.name, args.seed, args.scale)),
         ("which is", preset.about.to_owned()),
         ("sensor", preset.sensor.sensor().name.to_owned()),
+        ("live visit", live_words(args)),
         ("into", args.output.display().to_string()),
         ("files", files(&args.output)),
         ("sweeps", format!("{}{kept}", s.sweeps)),
@@ -138,6 +141,22 @@ fn table(args: &SimulateArgs, preset: &Preset, made: &Made) -> String {
         ("it took", took),
     ];
     rows.iter().map(|(name, value)| format!("{name:<18} {value}\n")).collect()
+}
+
+/// How the live visit is driven.
+fn live_words(args: &SimulateArgs) -> String {
+    let way = if args.live_reversed { "the other way round" } else { "as the preset has it" };
+    let beside = if args.live_offset == 0.0 {
+        String::new()
+    } else {
+        format!(
+            ", {} m to the {}",
+            args.live_offset.abs(),
+            if args.live_offset > 0.0 { "left" } else { "right" }
+        )
+    };
+    let changed = args.live_changed.map_or_else(String::new, |s| format!(", {:.0} % changed", 100.0 * s));
+    format!("{way}{beside}{changed}")
 }
 
 fn millions(n: u64) -> String {
@@ -158,6 +177,9 @@ fn json_report(args: &SimulateArgs, made: &Made) -> String {
         "preset": args.preset,
         "seed": args.seed,
         "scale": args.scale,
+        "live_reversed": args.live_reversed,
+        "live_offset_m": args.live_offset,
+        "live_changed": args.live_changed,
         "directory": args.output.display().to_string(),
         "sweeps": s.sweeps,
         "sweeps_kept": s.kept,

@@ -143,6 +143,7 @@ fn sim(py: Python<'_>, error: &esm_sim::Error) -> PyErr {
     match error {
         E::UnknownPreset { .. } => new("UnknownPresetError"),
         E::Scale { .. } => new("ScaleError"),
+        E::Offset { .. } | E::Changed { .. } => new("SettingError"),
         E::Directory { path, source, .. } => return system(py, error.to_string(), path, source),
         E::Busy { path } => new("BusyError").at(path),
         E::Output(error) => return io(py, error),

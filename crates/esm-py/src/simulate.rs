@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use esm_sim::{Class, State};
+use esm_sim::{Class, Drive, State};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -180,11 +180,13 @@ impl Summary {
 /// Simulate both visits of a preset into a directory, or go on where an interrupted run was.
 ///
 /// Makes `map.mcap`, `live.mcap`, `map_truth.tum` and `live_truth.tum`; their bytes depend on preset, seed and scale (which
-/// multiplies the route's length) alone. What is complete already is left as it is; what another simulation or somebody else
-/// has made is replaced with `force` only. `progress` hears of every batch of sweeps and stops the simulation by answering
-/// False. After Ctrl-C the same call goes on.
+/// multiplies the route's length) and how the live visit is driven alone: `live_reversed` the other way round, `live_offset`
+/// metres to the left of the mapped way or as far as the ground allows, `live_changed` the share of what can change that
+/// does. What is complete already is left as it is; what another simulation or somebody else has made is replaced with
+/// `force` only. `progress` hears of every batch of sweeps and stops the simulation by answering False. After Ctrl-C the
+/// same call goes on.
 #[pyfunction]
-#[pyo3(signature = (preset, seed, directory, *, scale=1.0, force=false, progress=None, threads=None))]
+#[pyo3(signature = (preset, seed, directory, *, scale=1.0, live_reversed=false, live_offset=0.0, live_changed=None, force=false, progress=None, threads=None))]
 #[allow(clippy::too_many_arguments)] // Python has names for them.
 pub(crate) fn simulate(
     py: Python<'_>,
@@ -192,11 +194,15 @@ pub(crate) fn simulate(
     seed: u64,
     directory: PathBuf,
     scale: f64,
+    live_reversed: bool,
+    live_offset: f64,
+    live_changed: Option<f64>,
     force: bool,
     progress: Option<Bound<'_, PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<Summary> {
-    let preset = read_preset(preset)?;
+    let drive = Drive { reversed: live_reversed, offset_m: live_offset, changed: live_changed };
+    let preset = drive.of(&read_preset(preset)?).map_err(Failure::from)?;
     if let Some(progress) = &progress
         && !progress.is_callable()
     {

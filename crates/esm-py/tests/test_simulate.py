@@ -15,6 +15,7 @@ from esm_py.errors import (
     FileError,
     InterruptedSimulationError,
     ScaleError,
+    SettingError,
     UnknownPresetError,
 )
 
@@ -35,6 +36,18 @@ def test_the_command_lines_bytes_on_any_number_of_threads(cli: Cli, tmp_path: Pa
     assert ours == contents(tmp_path / "two") == contents(tmp_path / "cli")
     assert made.sweeps == 40 and made.points > 100_000 and made.rays > made.points and made.kept == made.discarded == 0
     assert {p.visit for p in heard} == {"map", "live"} and heard[-1].done == heard[-1].total == 20
+
+
+def test_other_drives_are_the_command_lines_too(cli: Cli, tmp_path: Path) -> None:
+    ours = tmp_path / "ours"
+    esm_py.simulate("train-forest", 7, ours, scale=0.01, live_reversed=True, live_offset=2.0, live_changed=0.3)
+    flags = ("--live-reversed", "--live-offset", "2", "--live-changed", "0.3")
+    cli.run("simulate", "train-forest", "--seed", "7", "--scale", "0.01", *flags, "-o", tmp_path / "cli")
+    assert contents(ours) == contents(tmp_path / "cli")
+    with pytest.raises(ExistsError, match="live reversed, live offset 2, live changed 0.3"):
+        esm_py.simulate("train-forest", 7, ours, scale=0.01)
+    with pytest.raises(SettingError, match="-20 to 20 m"):
+        esm_py.simulate("train-forest", 7, tmp_path / "far", scale=0.01, live_offset=50.0)
 
 
 def test_stopped_and_gone_on_with(tmp_path: Path) -> None:

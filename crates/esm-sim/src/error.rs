@@ -22,6 +22,24 @@ pub enum Error {
         /// What was asked for.
         scale: f64,
     },
+    /// No live visit is driven so far beside the mapped way.
+    #[error(
+        "the live way cannot lie {offset_m} m beside the mapped one\nhint: give -{most_m} to {most_m} m; positive is to its left"
+    )]
+    Offset {
+        /// What was asked for, metres.
+        offset_m: f64,
+        /// What is possible, metres.
+        most_m: f64,
+    },
+    /// The share is none.
+    #[error(
+        "the share {share} of what has changed is not within 0 to 1\nhint: 0.3 changes three of ten things"
+    )]
+    Changed {
+        /// What was asked for.
+        share: f64,
+    },
     /// The output directory cannot be made, or a file of it cannot be replaced.
     #[error("{}: {doing}: {source}\nhint: check the path and its permissions", path.display())]
     Directory {

@@ -1,4 +1,4 @@
-//! Worlds with truth: procedural forests, parks and streets, seen by models of real LiDARs along known paths.
+//! Worlds with truth: procedural forests, parks, streets and places that look alike, seen by models of real LiDARs along known paths.
 //!
 //! [`World`] makes objects tile by tile from a seed; [`Scene`] casts rays at the tiles around a sensor; [`sweep`] makes
 //! what a [`Sensor`] would measure; [`simulate`] writes whole recordings with their truth. Everything is a function of
@@ -9,6 +9,7 @@
 #![cfg_attr(not(test), warn(clippy::unwrap_used))]
 
 mod cast;
+mod drive;
 mod error;
 mod hash;
 mod motion;
@@ -23,6 +24,7 @@ mod tiles;
 mod world;
 
 pub use cast::{Hit, Ray, Scene, Shape, TileScene};
+pub use drive::Drive;
 pub use error::Error;
 pub use hash::{Draw, Key};
 pub use motion::{Drift, Path, Ride, Trajectory, drifted};

@@ -59,10 +59,17 @@ impl<'a> Plan<'a> {
         let key = Key::new(seed).with(0x5EE9).with(tour.visit.number.into());
         let height = |x, y| world.height(x, y);
         let way = tour.way(world, length);
-        let trajectory = Arc::new(Trajectory::new(way, preset.ride(), key.with(1), height));
+        let mut trajectory = Trajectory::new(way, preset.ride(), key.with(1), height);
+        if tour.offset_m != 0.0 {
+            trajectory = trajectory.beside(Tour { offset_m: 0.0, ..*tour }.way(world, length));
+        }
+        let trajectory = Arc::new(trajectory);
         // Both visits drive the same vehicle.
         let sensor = Sensor { unit: seed, ..preset.sensor() };
-        let end = length.min(trajectory.length());
+        // Beside it, a bent way is longer or shorter: the same stretch is driven.
+        let end = trajectory.lane().map_or(length.min(trajectory.length()), |lane| {
+            length.min(lane.length()) / lane.length().max(1.0) * trajectory.length()
+        });
         let stamps_ns = stamps(preset, &trajectory, tour.part.0 * end, tour.part.1 * end, sensor.period_s);
         let truth: Vec<Pose> = stamps_ns.iter().map(|ns| trajectory.pose(seconds(*ns))).collect();
         let odometry = drifted(&truth, preset.drift, key.with(2));

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::motion::{Drift, Path, Ride};
 use crate::sensor::{Sensor, SensorModel};
-use crate::world::{Moving, REVISIT_SHARE, Season, Visit, World, WorldKind};
+use crate::world::{REVISIT_SHARE, Season, Visit, World, WorldKind};
 use nalgebra::UnitQuaternion;
 
 /// One of the two visits of a preset.
@@ -15,7 +15,7 @@ pub struct Tour {
     pub visit: Visit,
     /// Whether the route is driven from its end to its start. In streets the car keeps to the right then too.
     pub reversed: bool,
-    /// Metres beside the route, to the left as it is driven.
+    /// Metres beside the route, to the left as it is driven, as far as the ground allows.
     pub offset_m: f64,
     /// How many cars and people move about: 1 is a quiet afternoon, 0 nobody.
     pub movers: f64,
@@ -23,6 +23,10 @@ pub struct Tour {
 
 impl Tour {
     /// The way over the ground that is driven in a world whose route has `length_m` metres.
+    ///
+    /// Beside the route it keeps off what stands (solid things, hedges and bushes between knee and head) by the vehicle's half
+    /// width and wandering, and in streets and car parks on the carriageway; where that leaves less than `offset_m`, it goes
+    /// as near to it as it can, down to the route itself, which is free.
     ///
     /// ```
     /// use esm_sim::{Tour, World, preset};
@@ -38,11 +42,11 @@ impl Tour {
         let mut way = world.route().clone();
         if self.reversed {
             way = way.part(0.0, length_m.min(way.length())).reversed();
-            if let Moving::Roads { oncoming_m } = world.moving() {
+            if let Some(oncoming_m) = world.lanes_m() {
                 way = beside(&way, -oncoming_m);
             }
         }
-        if self.offset_m == 0.0 { way } else { beside(&way, self.offset_m) }
+        if self.offset_m == 0.0 { way } else { world.aside(&way, self.offset_m) }
     }
 }
 
@@ -99,7 +103,7 @@ const DRIFT: Drift = Drift::LIDAR;
 const ALL: (f64, f64) = (0.0, 1.0);
 
 const fn tour(part: (f64, f64), number: u8, season: Season, change: f32) -> Tour {
-    let visit = Visit { number, season, change };
+    let visit = Visit { number, season, change, changed: None };
     Tour { part, visit, reversed: false, offset_m: 0.0, movers: 1.0 }
 }
 
@@ -110,7 +114,7 @@ const PUSH_BROOM: [f64; 3] = [0.0, -95.0, 0.0];
 const LEARNING: u64 = 0x6C65_6172_6E00_0000;
 
 /// All presets. Seeds 0-99 are for training, 100-199 for tuning, 200 and up for judging only.
-pub const PRESETS: [Preset; 6] = [
+pub const PRESETS: [Preset; 9] = [
     Preset {
         name: "burgess",
         about: "Burgess Field: a 2.8 km loop through copses and meadows, LMS151 push-broom, two weeks apart in February",
@@ -231,6 +235,69 @@ pub const PRESETS: [Preset; 6] = [
         accumulate_m: 20.0,
         map: tour(ALL, 0, Season::May, 0.05),
         live: tour(ALL, 1, Season::October, 0.05),
+    },
+    Preset {
+        name: "plantation",
+        about: "looks alike: 900 m between rows of one poplar clone, 5 m by 4 m, and along their edge; VLP-16, spring and \
+                autumn",
+        world: WorldKind::Plantation,
+        world_salt: 0,
+        length_m: 900.0,
+        sensor: SensorModel::Vlp16,
+        sensor_height_m: 1.2,
+        mount_deg: [0.0, 1.0, 0.0],
+        turn_deg: [0.0; 3],
+        speed_mps: 1.5,
+        wheel_base_m: 1.0,
+        shake_deg: 0.6,
+        spacing_m: 0.5,
+        undistorted: false,
+        drift: DRIFT,
+        accumulate_m: 10.0,
+        map: tour(ALL, 0, Season::May, 0.01),
+        live: tour(ALL, 1, Season::October, 0.01),
+    },
+    Preset {
+        name: "car-park",
+        about: "looks alike: 800 m up and down a car park, bays of 2.5 m, five models of cars, a lamp post every 20 m; \
+                HDL-32E, half of the cars changed",
+        world: WorldKind::CarPark,
+        world_salt: 0,
+        length_m: 800.0,
+        sensor: SensorModel::Hdl32e,
+        sensor_height_m: 1.9,
+        mount_deg: [0.2, 0.4, 0.0],
+        turn_deg: [0.0; 3],
+        speed_mps: 4.0,
+        wheel_base_m: 2.7,
+        shake_deg: 0.35,
+        spacing_m: 1.0,
+        undistorted: false,
+        drift: DRIFT,
+        accumulate_m: 15.0,
+        map: tour(ALL, 0, Season::October, 0.06),
+        live: tour(ALL, 1, Season::October, 0.06),
+    },
+    Preset {
+        name: "terraces",
+        about: "looks alike: 1.2 km of parallel streets of one terraced house, its wall, porch, bin and lamp post; HDL-64E, a \
+                sweep every 2 m, half of the cars and bins moved",
+        world: WorldKind::Terraces,
+        world_salt: 0,
+        length_m: 1200.0,
+        sensor: SensorModel::Hdl64e,
+        sensor_height_m: 1.73,
+        mount_deg: [0.1, 0.3, 0.0],
+        turn_deg: [0.0; 3],
+        speed_mps: 8.0,
+        wheel_base_m: 2.7,
+        shake_deg: 0.35,
+        spacing_m: 2.0,
+        undistorted: true,
+        drift: Drift::GNSS_INS,
+        accumulate_m: 20.0,
+        map: tour(ALL, 0, Season::May, 0.06),
+        live: tour(ALL, 1, Season::October, 0.06),
     },
 ];
 

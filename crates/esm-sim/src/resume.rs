@@ -79,12 +79,15 @@ pub fn state(preset: &Preset, seed: u64, scale: f64, out_dir: &Path) -> State {
     }
 }
 
-/// Which world a finished simulation in a directory shows, as `preset:seed:scale`; `None` where there is none. Two
-/// directories with one name hold the same.
+/// Which world a finished simulation in a directory shows, as `preset:seed:scale`, followed by how the live visit was driven
+/// where that was not the preset's own way (`:reversed:offset 2:changed 0.3`); `None` where there is none. Two directories
+/// with one name hold the same.
 pub fn made_in(out_dir: &Path) -> Option<String> {
     let record = Record::read(&out_dir.join(COMPLETE))?;
     let seed = record.seed.as_str().map_or_else(|| record.seed.to_string(), str::to_owned);
-    Some(format!("{}:{seed}:{}", record.preset.get("name")?.as_str()?, record.scale))
+    let mut name = format!("{}:{seed}:{}", record.preset.get("name")?.as_str()?, record.scale);
+    record.drive().iter().for_each(|words| name.extend([":", words]));
+    Some(name)
 }
 
 /// What is being made, and what of it is done.
@@ -157,7 +160,23 @@ impl Record {
 
     fn words(&self) -> String {
         let name = self.preset.get("name").and_then(Value::as_str).unwrap_or("a preset");
-        format!("{name}, seed {}, scale {}, {}", self.seed, self.scale, self.generator)
+        let drive: String = self.drive().iter().map(|words| format!(", live {words}")).collect();
+        format!("{name}, seed {}, scale {}{drive}, {}", self.seed, self.scale, self.generator)
+    }
+
+    /// How the live visit was driven, where that is not the preset's own way.
+    fn drive(&self) -> Vec<String> {
+        let live =
+            |keys: &[&str]| keys.iter().try_fold(self.preset.get("live")?, |table, key| table.get(key));
+        let reversed = live(&["reversed"]).and_then(Value::as_bool).filter(|yes| *yes);
+        let offset = live(&["offset_m"]).and_then(Value::as_float).filter(|metres| *metres != 0.0);
+        let changed = live(&["visit", "changed"]).and_then(Value::as_float);
+        let words = [
+            reversed.map(|_| "reversed".to_owned()),
+            offset.map(|metres| format!("offset {metres}")),
+            changed.map(|share| format!("changed {share}")),
+        ];
+        words.into_iter().flatten().collect()
     }
 
     /// What a visit adds up to, where it is done and its files are there.

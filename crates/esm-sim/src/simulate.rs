@@ -85,7 +85,8 @@ impl std::ops::AddAssign for Summary {
 
 /// Simulates both visits of a preset into a directory: `map.mcap`, `live.mcap`, `map_truth.tum`, `live_truth.tum` and, when
 /// all is done, `preset.toml`. `scale` multiplies the length of the route. `progress` hears of every batch of sweeps; where it
-/// answers `false` the simulation stops. The bytes depend on preset, seed and scale alone.
+/// answers `false` the simulation stops. The bytes depend on preset, seed and scale alone; other drives of the second visit are
+/// presets too ([`Drive::of`](crate::Drive::of)).
 ///
 /// A simulation that was stopped, by whatever, goes on where it was when it is called again with the same arguments: until all
 /// is done, `unfinished.toml` and the part of the recording in hand (`.map.mcap.part`) lie in the directory. Other arguments

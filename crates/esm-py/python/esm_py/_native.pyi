@@ -1084,6 +1084,9 @@ def simulate(
     directory: _StrPath,
     *,
     scale: float = 1.0,
+    live_reversed: bool = False,
+    live_offset: float = 0.0,
+    live_changed: float | None = None,
     force: bool = False,
     progress: Callable[[Progress], object] | None = None,
     threads: int | None = None,
@@ -1091,9 +1094,11 @@ def simulate(
     """Simulate both visits of a preset into a directory, or go on where an interrupted run was.
 
     Makes `map.mcap`, `live.mcap`, `map_truth.tum` and `live_truth.tum`; their bytes depend on preset, seed and scale (which
-    multiplies the route's length) alone. What is complete already is left as it is; what another simulation or somebody else
-    has made is replaced with `force` only. `progress` hears of every batch of sweeps and stops the simulation by answering
-    False. After Ctrl-C the same call goes on.
+    multiplies the route's length) and how the live visit is driven alone: `live_reversed` the other way round, `live_offset`
+    metres to the left of the mapped way or as far as the ground allows, `live_changed` the share of what can change that
+    does. What is complete already is left as it is; what another simulation or somebody else has made is replaced with
+    `force` only. `progress` hears of every batch of sweeps and stops the simulation by answering False. After Ctrl-C the
+    same call goes on.
     """
 
 @final

@@ -58,10 +58,10 @@ impl Ray {
 /// exponential distribution of their density (Beer and Lambert); clumps are densest in their middle. Each medium draws for itself from the ray's key and its
 /// own number, and the nearest hit wins. That is the exact law for media that overlap, whatever the order of visits.
 #[derive(Clone, Copy, Debug)]
-pub struct Shape(Kind);
+pub struct Shape(pub(super) Kind);
 
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+pub(super) enum Kind {
     Frustum { base: Vector, axis: Vector, length: f32, r0: f32, r1: f32 },
     Slab { center: Vector, x: Vector, y: Vector, half: Vector, density: f32 },
     Spheroid { center: Vector, axis: Vector, along: f32, across: f32, density: f32 },

@@ -27,6 +27,7 @@ pub struct Ride {
 /// The exact motion of a sensor. Times are seconds from the start.
 pub struct Trajectory<'a> {
     path: Path,
+    lane: Option<Path>,
     ride: Ride,
     key: Key,
     height: Box<dyn Fn(f64, f64) -> f64 + Send + Sync + 'a>,
@@ -40,7 +41,17 @@ impl<'a> Trajectory<'a> {
         key: Key,
         height: impl Fn(f64, f64) -> f64 + Send + Sync + 'a,
     ) -> Self {
-        Self { path, ride, key, height: Box::new(height) }
+        Self { path, lane: None, ride, key, height: Box::new(height) }
+    }
+
+    /// The same ride where all others keep to `lane`, beside which it goes.
+    pub fn beside(self, lane: Path) -> Self {
+        Self { lane: Some(lane), ..self }
+    }
+
+    /// The way that others take who go where this ride goes, where it is not this one's own.
+    pub fn lane(&self) -> Option<&Path> {
+        self.lane.as_ref()
     }
 
     /// The way over the ground that is followed.

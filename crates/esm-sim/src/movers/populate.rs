@@ -57,14 +57,14 @@ pub(super) fn populate(
     for (n, way) in world.drives().into_iter().enumerate() {
         crew.laps(Arc::new(way), density, &mut key.with(2).with(n as u64).draw());
     }
-    let route = Arc::new(trajectory.path().clone());
+    let route = Arc::new(trajectory.lane().unwrap_or(trajectory.path()).clone());
     let (first, last) = (trajectory.travelled(from_s), trajectory.travelled(to_s));
     match world.moving() {
         Moving::Roads { oncoming_m } => {
             crew.road(&route, (first, last), density, oncoming_m, &key.with(3));
         }
         Moving::Trails => crew.trail(&route, (first, last), density, &key.with(4)),
-        Moving::Paths => {}
+        Moving::Aisles { .. } | Moving::Paths => {}
     }
     crew.list
 }
@@ -165,11 +165,12 @@ impl Crew<'_> {
 
     /// On a road: cars in the other lane, one ahead or behind for a while, cyclists at both edges.
     fn road(&mut self, route: &Arc<Path>, span: (f64, f64), density: f64, oncoming_m: f64, key: &Key) {
+        let driven = self.trajectory.path();
         let other = Arc::new(route.offset(oncoming_m));
         let edges = [Arc::new(route.offset(-1.75)), Arc::new(route.offset(oncoming_m + 1.5))];
         self.meetings(span, 130.0, density, key.with(1), |crew, meet, when, draw| {
             let (class, speed) = (car_or_van(draw), -f64::from(draw.range(7.3, 9.3)));
-            let pace = Pace::Once { speed, meet: abeam(route, &other, meet), when, sway: 0.0 };
+            let pace = Pace::Once { speed, meet: abeam(driven, &other, meet), when, sway: 0.0 };
             let left_m = f64::from(draw.range(-0.2, 0.2));
             let role = Role { class, left_m, pace, clearance_m: 2.2 };
             crew.add(&other, role, |id| (car(id, class, draw), 1.0));
@@ -187,7 +188,7 @@ impl Crew<'_> {
                 true => (f64::from(draw.range(3.0, 5.5)), &edges[0]),
                 false => (-f64::from(draw.range(3.5, 6.5)), &edges[1]),
             };
-            let pace = Pace::Once { speed, meet: abeam(route, edge, meet), when, sway: 0.0 };
+            let pace = Pace::Once { speed, meet: abeam(driven, edge, meet), when, sway: 0.0 };
             let role = Role { class: Class::Cyclist, left_m: 0.0, pace, clearance_m: 1.1 };
             crew.add(edge, role, |id| cyclist(id, draw));
         });
@@ -195,7 +196,9 @@ impl Crew<'_> {
 
     /// On a trail: walkers who are met or overtaken on their own side, some with a dog.
     fn trail(&mut self, route: &Arc<Path>, span: (f64, f64), density: f64, key: &Key) {
+        let driven = self.trajectory.lane().map(|_| self.trajectory.path());
         self.meetings(span, 220.0, density, key.with(1), |crew, meet, when, draw| {
+            let meet = driven.map_or(meet, |driven| abeam(driven, route, meet));
             let same_way = draw.chance(0.25);
             let speed =
                 if same_way { f64::from(draw.range(0.5, 0.8)) } else { -f64::from(draw.range(1.0, 1.6)) };

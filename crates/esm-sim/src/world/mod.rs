@@ -1,5 +1,7 @@
 //! Worlds: objects with a number and a class on a terrain, made tile by tile from a seed.
 
+mod alike;
+mod aside;
 mod building;
 mod class;
 mod forest;
@@ -52,6 +54,12 @@ pub enum WorldKind {
     Urban,
     /// Meadows with copses, scrub and a trail that loops.
     Copse,
+    /// Trees of one clone in rows.
+    Plantation,
+    /// Rows of bays with cars of few models.
+    CarPark,
+    /// Parallel streets of one house built again and again.
+    Terraces,
 }
 
 /// A world at one visit.
@@ -68,6 +76,11 @@ pub(crate) enum Moving {
         /// Metres.
         oncoming_m: f64,
     },
+    /// Nobody but those on [`World::walks`] and [`World::drives`]; the other lane is so many metres to the left.
+    Aisles {
+        /// Metres.
+        oncoming_m: f64,
+    },
     /// Walkers and dogs.
     Trails,
     /// Nobody but those on [`World::walks`].
@@ -78,6 +91,7 @@ enum Layout {
     Forest(forest::Forest),
     Park(park::Park),
     Urban(urban::Urban),
+    Alike(alike::Site),
 }
 
 impl World {
@@ -89,6 +103,9 @@ impl World {
             WorldKind::Copse => Layout::Forest(forest::Forest::new(key, length_m, visit, &forest::COPSE)),
             WorldKind::Park => Layout::Park(park::Park::new(key, length_m, visit)),
             WorldKind::Urban => Layout::Urban(urban::Urban::new(key, length_m, visit)),
+            WorldKind::Plantation => Layout::Alike(alike::plantation(key, length_m, visit)),
+            WorldKind::CarPark => Layout::Alike(alike::car_park(key, length_m, visit)),
+            WorldKind::Terraces => Layout::Alike(alike::terraces(key, length_m, visit)),
         };
         Self { layout, visit }
     }
@@ -99,6 +116,7 @@ impl World {
             Layout::Forest(w) => w.route(),
             Layout::Park(w) => w.route(),
             Layout::Urban(w) => w.route(),
+            Layout::Alike(w) => w.route(),
         }
     }
 
@@ -113,6 +131,7 @@ impl World {
             Layout::Forest(w) => w.walks(),
             Layout::Park(w) => w.walks(),
             Layout::Urban(w) => w.walks(),
+            Layout::Alike(w) => w.walks(),
         }
     }
 
@@ -120,17 +139,37 @@ impl World {
     pub(crate) fn drives(&self) -> Vec<Path> {
         match &self.layout {
             Layout::Park(w) => w.drives(),
+            Layout::Alike(w) => w.drives(),
             Layout::Forest(_) | Layout::Urban(_) => Vec::new(),
         }
     }
 
     /// Who meets the sensor on its way.
     pub(crate) fn moving(&self) -> Moving {
-        match self.layout {
+        match &self.layout {
             Layout::Forest(_) => Moving::Trails,
             Layout::Park(_) => Moving::Paths,
+            Layout::Alike(w) => w.moving(),
             Layout::Urban(_) => Moving::Roads { oncoming_m: urban::LANES_M },
         }
+    }
+
+    /// How far to the left of the sensor's lane the other one is, where there are lanes, metres.
+    pub(crate) fn lanes_m(&self) -> Option<f64> {
+        match self.moving() {
+            Moving::Roads { oncoming_m } | Moving::Aisles { oncoming_m } => Some(oncoming_m),
+            Moving::Trails | Moving::Paths => None,
+        }
+    }
+
+    /// Whether a way may lead over a place: where there are lanes, over roads; elsewhere, over all but roads.
+    fn drivable(&self, x: f64, y: f64) -> bool {
+        self.lanes_m().is_some() == (self.ground(x, y) == Class::Road)
+    }
+
+    /// The way `left_m` metres beside another, to its left as it runs, as near to that as the ground allows.
+    pub(crate) fn aside(&self, way: &Path, left_m: f64) -> Path {
+        aside::aside(self, way, left_m)
     }
 
     /// Height of the ground, metres.
@@ -139,6 +178,7 @@ impl World {
             Layout::Forest(w) => w.height(x, y),
             Layout::Park(w) => w.height(x, y),
             Layout::Urban(w) => w.height(x, y),
+            Layout::Alike(w) => w.height(x, y),
         }
     }
 
@@ -148,6 +188,7 @@ impl World {
             Layout::Forest(w) => w.ground(x, y),
             Layout::Park(w) => w.ground(x, y),
             Layout::Urban(w) => w.ground(x, y),
+            Layout::Alike(w) => w.ground(x, y),
         }
     }
 
@@ -157,6 +198,7 @@ impl World {
             Layout::Forest(w) => w.objects(tile),
             Layout::Park(w) => w.objects(tile),
             Layout::Urban(w) => w.objects(tile),
+            Layout::Alike(w) => w.objects(tile),
         }
     }
 
@@ -165,7 +207,7 @@ impl World {
         let (x0, y0) = (f64::from(tile.0) * TILE_M, f64::from(tile.1) * TILE_M);
         let cells = match self.layout {
             Layout::Forest(_) => 20,
-            Layout::Park(_) | Layout::Urban(_) => 16,
+            Layout::Park(_) | Layout::Urban(_) | Layout::Alike(_) => 16,
         };
         let size = TILE_M / cells as f64;
         // Heights are told about the ground at the corner: f32 stays exact on mountains too.

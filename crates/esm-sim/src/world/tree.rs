@@ -16,6 +16,8 @@ pub(super) enum Species {
     Birch,
     Pine,
     Spruce,
+    /// A clone of plantations: straight, narrow, pruned.
+    Poplar,
 }
 
 /// Numbers of a habit; heights are shares of the tree's height, angles in radians.
@@ -56,6 +58,7 @@ impl Species {
             Self::Birch => h(85.0, 0.4, 0.16, 0.9, (9, 14), 0.07, 0.03, 0.7, false),
             Self::Pine => h(65.0, 0.58, 0.17, 0.3, (9, 15), 0.04, 0.015, 1.1, true),
             Self::Spruce => h(75.0, 0.12, 0.17, -0.15, (20, 32), 0.015, 0.006, 1.6, true),
+            Self::Poplar => h(68.0, 0.24, 0.15, 0.95, (12, 18), 0.008, 0.003, 1.0, false),
         }
     }
 

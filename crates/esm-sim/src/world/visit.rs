@@ -44,19 +44,28 @@ pub struct Visit {
     /// Foliage.
     pub season: Season,
     /// Share of the things that last (trees, bushes, street furniture) that are gone since visit 0; as many are new. Of
-    /// parked cars and bins eight times the share has moved, up to all of them.
+    /// parked cars and bins eight times the share has moved, up to all of them. What stays has grown or was cut back by as much.
     pub change: f32,
+    /// Where it is given, the share of all that can change, what lasts and what moves easily alike, that is not what it was
+    /// at visit 0; growth stays that of `change`. Houses, kerbs and the ground never change. What has changed at one share has
+    /// changed at every higher one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub changed: Option<f64>,
 }
 
 impl Visit {
     /// Whether something that lasts still stands.
     pub(crate) fn keeps(&self, thing: Key) -> bool {
-        self.number == 0 || thing.with(0xC0 + u64::from(self.number)).unit() >= self.change
+        self.number == 0 || self.chance(thing) >= self.changed.map_or(self.change, |share| share as f32)
     }
 
     /// Whether something that moves easily is where it was.
     pub(crate) fn keeps_loose(&self, thing: Key) -> bool {
-        self.number == 0 || thing.with(0xC0 + u64::from(self.number)).unit() >= 8.0 * self.change
+        self.number == 0 || self.chance(thing) >= self.changed.map_or(8.0 * self.change, |share| share as f32)
+    }
+
+    fn chance(&self, thing: Key) -> f32 {
+        thing.with(0xC0 + u64::from(self.number)).unit()
     }
 
     /// A key for what is of this visit only.

@@ -3,7 +3,7 @@
 use esm_sim::{Draw, Key, Ray, Scene, Season, Shape, Tiles, Trajectory, Visit, World, WorldKind, preset};
 use nalgebra::Vector3;
 
-const VISIT: Visit = Visit { number: 1, season: Season::May, change: 0.05 };
+const VISIT: Visit = Visit { number: 1, season: Season::May, change: 0.05, changed: None };
 
 fn direction(draw: &mut Draw) -> Vector3<f32> {
     Vector3::new(draw.normal(), draw.normal(), 0.4 * draw.normal())

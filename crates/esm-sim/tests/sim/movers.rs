@@ -10,7 +10,7 @@ use esm_sim::{
 };
 use nalgebra::{Point3, Vector3};
 
-const VISIT: Visit = Visit { number: 1, season: Season::May, change: 0.02 };
+const VISIT: Visit = Visit { number: 1, season: Season::May, change: 0.02, changed: None };
 
 /// A ride through a world of a preset, with what moves about it.
 fn ride<T>(

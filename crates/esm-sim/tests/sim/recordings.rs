@@ -12,7 +12,14 @@ fn simulate_with(threads: usize, name: &str, scale: f64, dir: &Path) {
 
 #[test]
 fn bytes_do_not_depend_on_threads() {
-    for (name, scale) in [("train-forest", 0.006), ("george-square", 0.01), ("kitti", 0.005)] {
+    for (name, scale) in [
+        ("train-forest", 0.006),
+        ("george-square", 0.01),
+        ("kitti", 0.005),
+        ("plantation", 0.006),
+        ("car-park", 0.008),
+        ("terraces", 0.008),
+    ] {
         let [one, four] = [1, 4].map(|threads| {
             let dir = tempfile::tempdir().unwrap();
             simulate_with(threads, name, scale, dir.path());

@@ -8,10 +8,17 @@ use esm_sim::{
 };
 use nalgebra::Vector3;
 
-const KINDS: [WorldKind; 3] = [WorldKind::Forest, WorldKind::Park, WorldKind::Urban];
+const KINDS: [WorldKind; 6] = [
+    WorldKind::Forest,
+    WorldKind::Park,
+    WorldKind::Urban,
+    WorldKind::Plantation,
+    WorldKind::CarPark,
+    WorldKind::Terraces,
+];
 
 fn visit(number: u8, change: f32) -> Visit {
-    Visit { number, season: Season::May, change }
+    Visit { number, season: Season::May, change, changed: None }
 }
 
 /// All objects around the origin by number; a number that occurs twice fails.
@@ -41,7 +48,9 @@ fn numbers_are_unique_and_last() {
             assert_eq!((a.class, a.anchor), (b.class, b.anchor), "{kind:?} {id:#x}");
             same += 1;
         }
-        assert!(same > first.len() / 2, "{kind:?}: {same} of {}", first.len());
+        // Of what stands in a car park most moves easily.
+        let least = if kind == WorldKind::CarPark { first.len() / 4 } else { first.len() / 2 };
+        assert!(same > least, "{kind:?}: {same} of {}", first.len());
     }
 }
 
@@ -85,6 +94,9 @@ fn points_lie_on_the_world_by_the_truth() {
         (WorldKind::Urban, SensorModel::Hdl32e, true),
         (WorldKind::Forest, SensorModel::Vlp16, true),
         (WorldKind::Park, SensorModel::Os1_64, true),
+        (WorldKind::Plantation, SensorModel::Vlp16, true),
+        (WorldKind::CarPark, SensorModel::Hdl32e, true),
+        (WorldKind::Terraces, SensorModel::Hdl32e, true),
     ] {
         let world = World::new(kind, 8, 300.0, visit(0, 0.0));
         let ride = preset("train-urban").unwrap().ride();
