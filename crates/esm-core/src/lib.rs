@@ -12,6 +12,7 @@
 //! | [`estimate`] | candidates | places where many of them agree |
 //! | [`verify`] | places | refined poses, and whether the points are really there |
 //! | [`localizer`] | all of the above | a [`Localization`]: pose, covariance, evidence and an honest [`Verdict`] |
+//! | [`sequence`] | the clouds of one robot | the same in the light of the clouds before, by their odometry |
 //!
 //! [`map`] builds and keeps the prior map, [`loops`] finds places that one recording passes twice. Points are f32 metres,
 //! poses f64 and named by their frames: `pose_map_sensor` takes sensor coordinates to map coordinates. Frames have z up.
