@@ -71,6 +71,7 @@ fn options(args: &ServeArgs, config: esm_core::Config, descriptor_given: bool) -
         workers: limits.workers.unwrap_or(defaults.workers),
         queue: limits.queue,
         request_timeout: Duration::from_secs_f64(limits.timeout),
+        header_timeout: defaults.header_timeout.min(Duration::from_secs_f64(limits.timeout)),
         max_connections: limits.max_connections,
         max_sessions: limits.max_sessions,
         ..defaults
