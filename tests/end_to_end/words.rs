@@ -19,6 +19,8 @@ fn help_texts() {
     insta::assert_snapshot!("help_simulate", rest.join("\n"));
     assert!(presets.len() >= 6 && presets.iter().all(|l| l.len() > 40), "each says what it is: {presets:?}");
     insta::assert_snapshot!("help_demo", help(&["demo"]));
+    insta::assert_snapshot!("help_serve", help(&["serve"]));
+    insta::assert_snapshot!("help_replay", help(&["replay"]));
 }
 
 #[test]
@@ -84,7 +86,9 @@ fn manual_pages_are_written() {
             "esm-cli-map-build.1",
             "esm-cli-map-info.1",
             "esm-cli-map.1",
+            "esm-cli-replay.1",
             "esm-cli-segments.1",
+            "esm-cli-serve.1",
             "esm-cli-simulate.1",
             "esm-cli.1",
         ]

@@ -418,9 +418,18 @@ pub struct ReplayArgs {
     /// The certificate to trust, where the service speaks TLS
     #[arg(long, value_name = "FILE.pem", value_hint = ValueHint::FilePath)]
     pub ca: Option<PathBuf>,
-    #[command(flatten)]
-    #[allow(missing_docs)]
-    pub read: ReadArgs,
+    /// Poses of the scans: a TUM file (by time stamp) or a KITTI file (one line a scan)
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub poses: Option<PathBuf>,
+    /// Only these scans, counted from 1 over all inputs
+    #[arg(long, value_name = "A-B[,C-D]", value_delimiter = ',')]
+    pub frames: Vec<FrameRange>,
+    /// Topic of the point clouds
+    #[arg(long, value_name = "TOPIC")]
+    pub cloud_topic: Option<String>,
+    /// Topic of the sensor's motion (Odometry, PoseStamped or TFMessage)
+    #[arg(long, value_name = "TOPIC")]
+    pub odometry_topic: Option<String>,
 }
 
 const REPLAY_WORDS: &str = "\

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep_until, timeout};
 
-use crate::args::ReplayArgs;
+use crate::args::{ReadArgs, ReplayArgs};
 use crate::inputs::{Frames, check_distinct};
 use crate::outcome::{Failure, Outcome};
 use crate::output::Lines;
@@ -31,7 +31,14 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<Outcome> {
         )
         .into());
     }
-    let frames = Frames::open(&args.inputs, &args.read, "replaying")?;
+    let read = ReadArgs {
+        poses: args.poses.clone(),
+        frames: args.frames.clone(),
+        cloud_topic: args.cloud_topic.clone(),
+        odometry_topic: args.odometry_topic.clone(),
+        ..ReadArgs::default()
+    };
+    let frames = Frames::open(&args.inputs, &read, "replaying")?;
     let options = SessionOptions {
         map: args.map.clone(),
         accumulate_m: args.accumulate,

@@ -8,7 +8,7 @@ use axum::http::StatusCode;
 use esm_core::{LiveCloud, Localization, Verdict};
 use esm_io::LocalizationLine;
 use serde::Serialize;
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::{Semaphore, broadcast, watch};
 
 use crate::body::Budget;
 use crate::error::Error;
@@ -18,6 +18,13 @@ use crate::metrics::Metrics;
 use crate::options::Options;
 use crate::pool::{Done, Panicked, Pool};
 use crate::problem::Problem;
+
+/// Events kept for a watcher that is slow; older ones it misses.
+const EVENTS: usize = 32;
+/// Most who watch at a time.
+pub(crate) const MAX_WATCHERS: usize = 16;
+/// Most points of a cloud that watchers are shown.
+const SKETCH: usize = 2000;
 
 /// Shared by all requests.
 pub(crate) struct State {
@@ -29,6 +36,9 @@ pub(crate) struct State {
     /// One map is loaded at a time.
     pub(crate) loading: Arc<Semaphore>,
     pub(crate) sessions: Arc<Semaphore>,
+    /// What is found, for those who watch.
+    pub(crate) events: broadcast::Sender<Arc<str>>,
+    pub(crate) watchers: Arc<Semaphore>,
     /// True once the service was told to stop.
     pub(crate) stopping: watch::Sender<bool>,
 }
@@ -43,6 +53,8 @@ impl State {
             budget: Budget::new(options.max_held_bytes),
             loading: Arc::new(Semaphore::new(1)),
             sessions: Arc::new(Semaphore::new(options.max_sessions)),
+            events: broadcast::channel(EVENTS).0,
+            watchers: Arc::new(Semaphore::new(MAX_WATCHERS)),
             stopping: watch::channel(false).0,
             options,
         };
@@ -61,10 +73,36 @@ impl State {
         let _ = self.stopping.subscribe().wait_for(|stop| *stop).await;
     }
 
-    /// Counts an answer.
-    pub(crate) fn take_note(&self, answer: &Answer, waited: Duration) {
-        self.metrics.localized(&answer.result, waited);
+    /// Whether anybody watches.
+    pub(crate) fn is_watched(&self) -> bool {
+        self.events.receiver_count() > 0
     }
+
+    /// Counts an answer, and tells those who watch; `session` is the number of the session's request, or empty.
+    pub(crate) fn take_note(&self, answer: &Answer, waited: Duration, session: &str) {
+        self.metrics.localized(&answer.result, waited);
+        let Some(cloud_cm) = &answer.sketch else { return };
+        let matches = answer.result.matches.iter().map(|m| m.map_centroid_map).collect();
+        let event =
+            Event { map: &answer.map.name, session, result: (&answer.result).into(), matches, cloud_cm };
+        if let Ok(text) = serde_json::to_string(&event) {
+            // All of them may have gone meanwhile.
+            let _ = self.events.send(text.into());
+        }
+    }
+}
+
+/// What those who watch are told of an answer.
+#[derive(Serialize)]
+struct Event<'a> {
+    map: &'a str,
+    session: &'a str,
+    #[serde(flatten)]
+    result: LocalizationLine<'a>,
+    /// Centroids of the matched map segments, map frame, metres.
+    matches: Vec<[f64; 3]>,
+    /// Some of the cloud's points, sensor frame, centimetres.
+    cloud_cm: &'a [[i32; 3]],
 }
 
 /// The answer for one cloud.
@@ -74,6 +112,8 @@ pub(crate) struct Answer {
     pub(crate) result: Localization,
     /// Whether there were several maps to choose from.
     pub(crate) searched: bool,
+    /// Some of the cloud's points, centimetres, where somebody watches.
+    pub(crate) sketch: Option<Vec<[i32; 3]>>,
 }
 
 /// The contract's object, with the map's name where it was searched for.
@@ -102,7 +142,7 @@ impl Answer {
 
 /// Finds a cloud in each of the maps and keeps the best answer: the better verdict, then the higher score, then the
 /// name that comes first. Not for threads that talk.
-pub(crate) fn find(live: &LiveCloud, maps: &[Arc<LoadedMap>]) -> Result<Answer, Problem> {
+pub(crate) fn find(live: &LiveCloud, maps: &[Arc<LoadedMap>], watched: bool) -> Result<Answer, Problem> {
     let rank = |a: &Answer| match a.result.verdict {
         Verdict::Located => 2,
         Verdict::Ambiguous => 1,
@@ -112,7 +152,7 @@ pub(crate) fn find(live: &LiveCloud, maps: &[Arc<LoadedMap>]) -> Result<Answer, 
     for map in maps {
         let result =
             map.localizer.localize(live).map_err(|e| Problem::of(StatusCode::INTERNAL_SERVER_ERROR, &e))?;
-        let answer = Answer { map: Arc::clone(map), result, searched: maps.len() > 1 };
+        let answer = Answer { map: Arc::clone(map), result, searched: maps.len() > 1, sketch: None };
         let better = best.as_ref().is_none_or(|b| {
             let scores = answer.result.score.total_cmp(&b.result.score);
             rank(&answer).cmp(&rank(b)).then(scores).is_gt()
@@ -121,7 +161,13 @@ pub(crate) fn find(live: &LiveCloud, maps: &[Arc<LoadedMap>]) -> Result<Answer, 
             best = Some(answer);
         }
     }
-    best.ok_or_else(|| internal("no map was given"))
+    let mut best = best.ok_or_else(|| internal("no map was given"))?;
+    best.sketch = watched.then(|| {
+        let points = live.cloud.points();
+        let step = points.len().div_ceil(SKETCH).max(1);
+        points.iter().step_by(step).map(|p| p.map(|v| (v * 100.0).round() as i32)).collect()
+    });
+    Ok(best)
 }
 
 /// Unwraps work of the pool.

@@ -148,7 +148,7 @@ fn requests() -> Vec<Fault> {
         ),
         sent("a huge header", huge, false, Status(431)),
         sent("200 headers", head(&many), false, Status(431)),
-        sent("a path of 80 kB", format!("GET /{} HTTP/1.1\r\n\r\n", "a".repeat(80_000)), false, Status(414)),
+        sent("a path of 80 kB", format!("GET /{} HTTP/1.1\r\n\r\n", "a".repeat(80_000)), false, Status(431)),
         sent("a body that does not come", head("content-length: 1600\r\n") + "few", false, Refused(408)),
         sent("a body cut off", head("content-length: 1600\r\n") + "few", true, ClosedOr(400)),
         sent("50 million points declared", head("content-length: 800000000\r\n"), false, Refused(413)),
@@ -227,7 +227,11 @@ fn maps(folder: &Path, town: &Path) -> Vec<Fault> {
         asked("no file", order("{}"), Refused(400)),
         asked("no JSON", order("town.esm"), Refused(400)),
         asked("an order of 100 kB", order(&" ".repeat(100_000)), Refused(413)),
-        asked("an order that is no JSON at all", order("{}").header("content-type", FLOATS), Refused(415)),
+        asked(
+            "an order that is no JSON at all",
+            Request::new("PUT", "/v1/maps/town").header("content-type", FLOATS).body("{}"),
+            Refused(415),
+        ),
         asked("a name with blanks", Request::put_map("a%20b", town), Refused(400)),
         asked("removing what is not there", Request::new("DELETE", "/v1/maps/nowhere"), Refused(404)),
     ]
@@ -279,26 +283,30 @@ fn every_fault_has_its_answer_and_harms_nobody() {
     faults.extend(clouds());
     faults.extend(maps(dir.path(), &town));
     assert!(faults.len() >= 60, "{}", faults.len());
+    let mut wrong = Vec::new();
     for Fault { what, bytes, cut, want } in faults {
         let started = Instant::now();
         let reply = raw(service.address, &bytes, cut);
         let took = started.elapsed();
         println!("{what}: {:?} after {took:?}", reply.as_ref().map(|r| r.status));
         assert!(took < Duration::from_secs(20), "{what}: {took:?}");
-        let check = |reply: Option<&Reply>| match (&want, reply) {
-            (Refused(status), Some(reply)) => reply.refused(*status),
-            (Status(status), Some(reply)) => assert_eq!(reply.status, *status, "{what}"),
-            (NotFound, Some(reply)) => {
-                assert_eq!(reply.status, 200, "{what}: {}", reply.text());
-                assert_eq!(reply.json()["verdict"], "not_found", "{what}");
+        let as_expected = match (&want, &reply) {
+            (Refused(status), Some(reply)) => {
+                let seemly =
+                    reply.status != *status || std::panic::catch_unwind(|| reply.refused(*status)).is_ok();
+                reply.status == *status && seemly
             }
-            (ClosedOr(status), Some(reply)) => assert_eq!(reply.status, *status, "{what}"),
-            (ClosedOr(_), None) => {}
-            (_, None) => panic!("{what}: no answer"),
+            (Status(status) | ClosedOr(status), Some(reply)) => reply.status == *status,
+            (NotFound, Some(reply)) => reply.status == 200 && reply.json()["verdict"] == "not_found",
+            (ClosedOr(_), None) => true,
+            (_, None) => false,
         };
-        check(reply.as_ref());
+        if !as_expected {
+            wrong.push(format!("{what}: {:?}", reply.map(|r| (r.status, r.text()))));
+        }
         good.is_answered(&service, what);
     }
+    assert!(wrong.is_empty(), "{wrong:#?}");
     let metrics = Request::get("/metrics").header("authorization", &format!("Bearer {TOKEN}"));
     let metrics = service.send(&metrics).good().text();
     assert!(

@@ -80,7 +80,7 @@ mod tests {
     fn what_is_wrong_is_told_with_the_name_given() {
         let error =
             |bytes: &[u8], format| scan_from_bytes(bytes, format, "body", 1000).unwrap_err().to_string();
-        assert!(error(&PCD.as_bytes()[..90], ScanFormat::Pcd).starts_with("body: "));
+        assert!(error(&PCD.as_bytes()[..PCD.len() - 8], ScanFormat::Pcd).starts_with("body: "));
         assert!(error(&[0; 17], ScanFormat::Bin).starts_with("body: byte 16: "));
         assert!(error(&[], ScanFormat::Bin).starts_with("body: "));
     }

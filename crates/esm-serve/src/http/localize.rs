@@ -61,6 +61,7 @@ pub(super) async fn post(
     // A cloud by itself, whatever is accumulated elsewhere.
     let config =
         AccumulateConfig { distance_m: 0.0, swathes: false, ..state.options.config.accumulate.clone() };
+    let watched = state.is_watched();
     let work = place.run(move || {
         let (scan, told) = kind.parse(&bytes, limit)?;
         drop((bytes, held));
@@ -68,7 +69,7 @@ pub(super) async fn post(
             Accumulator::new(config).map_err(|e| Problem::of(StatusCode::INTERNAL_SERVER_ERROR, &e))?;
         let live = accumulator.push(told.or(stamp).unwrap_or(0.0), &scan.cloud, None);
         let live = live.ok_or_else(|| crate::state::internal("a single sweep gave no cloud"))?;
-        find(&live, &maps)
+        find(&live, &maps, watched)
     });
     let Ok(done) = timeout_at(deadline, work).await else {
         return Err(Problem::busy(
@@ -77,7 +78,7 @@ pub(super) async fn post(
         ));
     };
     let (answer, waited): (Answer, _) = worked(done)?;
-    state.take_note(&answer, waited);
+    state.take_note(&answer, waited, "");
     let name = HeaderValue::from_str(&answer.map.name).unwrap_or_else(|_| HeaderValue::from_static(""));
     let json = HeaderValue::from_static("application/json");
     Ok(([(header::CONTENT_TYPE, json), (MAP_HEADER, name)], answer.line(Nothing {})?))

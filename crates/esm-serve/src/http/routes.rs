@@ -9,7 +9,7 @@ use axum::middleware;
 use axum::response::IntoResponse;
 use axum::routing::{MethodFilter, MethodRouter, on};
 
-use super::{guard, health, localize, log, maps};
+use super::{events, guard, health, localize, log, maps, page, points};
 use crate::problem::Problem;
 use crate::session;
 use crate::state::State;
@@ -25,7 +25,7 @@ pub(crate) struct Route {
 }
 
 /// All routes.
-pub(crate) const TABLE: [Route; 8] = [
+pub(crate) const TABLE: [Route; 12] = [
     Route {
         path: "/v1/localize",
         methods: &["POST"],
@@ -49,6 +49,25 @@ pub(crate) const TABLE: [Route; 8] = [
         methods: &["GET", "PUT", "DELETE"],
         open: false,
         handlers: || on(MethodFilter::GET, maps::get).put(maps::put).delete(maps::delete),
+    },
+    Route {
+        path: "/v1/maps/{name}/points",
+        methods: &["GET"],
+        open: false,
+        handlers: || on(MethodFilter::GET, points::get),
+    },
+    Route {
+        path: "/v1/events",
+        methods: &["GET"],
+        open: false,
+        handlers: || on(MethodFilter::GET, events::get),
+    },
+    Route { path: "/", methods: &["GET"], open: true, handlers: || on(MethodFilter::GET, page::html) },
+    Route {
+        path: "/page.js",
+        methods: &["GET"],
+        open: true,
+        handlers: || on(MethodFilter::GET, page::script),
     },
     Route {
         path: "/healthz",

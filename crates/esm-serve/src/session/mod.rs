@@ -36,6 +36,9 @@ const OUTBOX: usize = 4;
 /// How often a silent client is asked whether it is still there.
 const PING: Duration = Duration::from_secs(15);
 
+/// How long a goodbye may take.
+const LINGER: Duration = Duration::from_secs(2);
+
 /// What a session is about.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -154,6 +157,8 @@ impl Talk {
             let close = CloseFrame { code: end.code, reason: end.reason.into() };
             let _ = out.send(Message::Close(Some(close))).await;
             drop(out);
+            // Closing with bytes unread would reset the connection, and what was said last might be lost with it.
+            let _ = timeout(LINGER, async { while let Some(Ok(_)) = from.next().await {} }).await;
         };
         let write = async {
             loop {
@@ -168,6 +173,8 @@ impl Talk {
                 }
             }
             outbox.close();
+            // Also sends the answer to the client's own goodbye.
+            let _ = timeout(LINGER, to.close()).await;
         };
         tokio::join!(talk, write);
         self.state.metrics.sessions.dec();
@@ -244,7 +251,9 @@ impl Talk {
                 Ok(maps) => maps,
                 Err(problem) => return End::of(problem),
             };
-            let done = self.state.pool.enter().run(move || Ok(step(accumulator, clouds, &maps))).await;
+            let watched = self.state.is_watched();
+            let done =
+                self.state.pool.enter().run(move || Ok(step(accumulator, clouds, &maps, watched))).await;
             let (kept, result, waited) = match worked(done) {
                 Ok(((kept, result), waited)) => (kept, result, waited),
                 Err(problem) => return End::of(problem),
@@ -254,7 +263,7 @@ impl Talk {
                 Ok(answer) => answer,
                 Err(problem) => return End::of(problem),
             };
-            self.state.take_note(&answer, waited);
+            self.state.take_note(&answer, waited, &self.request_id);
             answered += 1;
             let dropped = before + 1 - answered;
             self.state.metrics.session_cloud("answered", 1);
@@ -282,6 +291,7 @@ fn step(
     mut accumulator: Accumulator,
     clouds: Vec<(Pending, Option<esm_core::Pose>)>,
     maps: &[Arc<LoadedMap>],
+    watched: bool,
 ) -> (Accumulator, Result<Answer, Problem>) {
     let mut live = None;
     for (Pending { stamp_ns, message, held, .. }, pose_odom_sensor) in clouds {
@@ -290,7 +300,7 @@ fn step(
         live = accumulator.push(seconds(stamp_ns), &scan.cloud, pose_odom_sensor);
     }
     let answer = match live {
-        Some(live) => find(&live, maps),
+        Some(live) => find(&live, maps, watched),
         None => Err(internal("a sweep gave no cloud")),
     };
     (accumulator, answer)
