@@ -204,3 +204,53 @@ fn watchers_are_served_and_requests_have_numbers() {
         assert!(line["timestamp"].is_string() && line["ms"].as_f64().is_some_and(|ms| ms > 0.0), "{line}");
     }
 }
+
+/// What the page is made of: itself, the map's points, and every answer as it is given.
+#[test]
+fn those_who_watch_see_the_map_and_every_answer() {
+    use std::io::{BufRead, BufReader, Write};
+    let service = Service::town();
+    let page = service.send(&Request::get("/")).good();
+    assert!(page.header("content-type").unwrap().starts_with("text/html"));
+    let policy = page.header("content-security-policy").unwrap();
+    assert!(policy.contains("default-src 'none'") && policy.contains("script-src 'self'"), "{policy}");
+    let script = service.send(&Request::get("/page.js")).good().text();
+    for text in [page.text(), script] {
+        assert!(!text.contains("://"), "everything is embedded");
+    }
+    let points = service.send(&Request::get("/v1/maps/town/points?max=5000")).good();
+    let origin: [f64; 3] = serde_json::from_str(points.header("x-esm-origin").unwrap()).unwrap();
+    let rows: Vec<[f32; 4]> = points
+        .body
+        .chunks_exact(16)
+        .map(|row| [0, 4, 8, 12].map(|i| f32::from_le_bytes(row[i..i + 4].try_into().unwrap())))
+        .collect();
+    assert!((4000..=5000).contains(&rows.len()) && points.body.len() == 16 * rows.len(), "{}", rows.len());
+    let bounds = &service.send(&Request::get("/v1/maps/town")).good().json()["bounds"];
+    for axis in 0..3 {
+        let [min, max] = ["min", "max"].map(|k| bounds[k][axis].as_f64().unwrap());
+        let inside =
+            |row: &[f32; 4]| (min - 0.01..max + 0.01).contains(&(origin[axis] + f64::from(row[axis])));
+        assert!(rows.iter().all(inside), "axis {axis}");
+    }
+    assert!(rows.iter().any(|r| r[3] == 0.0) && rows.iter().any(|r| r[3] > 10.0), "ground and segments");
+
+    let mut watcher = std::net::TcpStream::connect(service.address).unwrap();
+    watcher.write_all(b"GET /v1/events HTTP/1.1\r\nhost: localhost\r\n\r\n").unwrap();
+    watcher.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
+    let mut lines = BufReader::new(watcher).lines().map(Result::unwrap);
+    assert!(lines.next().unwrap().contains("200"));
+    lines.find(|l| l.contains("welcome")).unwrap();
+    let sweep = &TOWN.live_drive[20];
+    let body = point_cloud(sweep.stamp, sweep.cloud.points());
+    let answer = service.send(&Request::post("/v1/localize", "application/x-ros2-cdr", body)).good().json();
+    let event = lines.find_map(|l| l.strip_prefix("data: ").map(str::to_owned)).unwrap();
+    let event: Value = serde_json::from_str(&event).unwrap();
+    for (key, value) in answer.as_object().unwrap() {
+        assert_eq!(event[key], *value, "{key}");
+    }
+    assert_eq!((&event["map"], &event["session"]), (&json!("town"), &json!("")));
+    assert_eq!(event["matches"].as_array().unwrap().len() as u64, answer["inliers"].as_u64().unwrap());
+    let cloud = event["cloud_cm"].as_array().unwrap();
+    assert!((500..=2000).contains(&cloud.len()), "{}", cloud.len());
+}
