@@ -146,18 +146,45 @@ function hue(n) {
   return [0, 4, 2].map((k) => 0.25 + 0.5 * ramp(k));
 }
 
+// The same thing is cut once in every window of the map that saw it: what stands at one place has one colour.
+function colours(points) {
+  const sums = new Map();
+  for (let i = 0; i < points.length; i += 4) {
+    const kind = points[i + 3];
+    const sum = sums.get(kind) || [0, 0, 0];
+    sum[0] += points[i];
+    sum[1] += points[i + 1];
+    sum[2] += 1;
+    sums.set(kind, sum);
+  }
+  const places = new Map();
+  const colour = new Map([[0, [0.78, 0.8, 0.82]]]);
+  for (const [kind, [x, y, n]] of sums) {
+    if (kind === 0) continue;
+    const [cx, cy] = [Math.round(x / n / 2), Math.round(y / n / 2)];
+    let place = null;
+    for (const [dx, dy] of [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]]) {
+      place = place ?? places.get(`${cx + dx},${cy + dy}`) ?? null;
+    }
+    place = place ?? places.size + 1;
+    places.set(`${cx},${cy}`, place);
+    colour.set(kind, hue(place));
+  }
+  return colour;
+}
+
 async function show(name) {
   $('note').textContent = `loading ${name}`;
   const reply = await ask(`/v1/maps/${encodeURIComponent(name)}/points`);
   origin = JSON.parse(reply.headers.get('x-esm-origin'));
   const points = new Float32Array(await reply.arrayBuffer());
   const n = points.length / 4;
+  const colour = colours(points);
   const vertices = new Float32Array(n * 6);
   const box = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
   for (let i = 0; i < n; i++) {
     const [x, y, z, kind] = points.subarray(4 * i, 4 * i + 4);
-    const colour = kind === 0 ? [0.78, 0.8, 0.82] : hue(kind);
-    vertices.set([x, y, z, ...colour], 6 * i);
+    vertices.set([x, y, z, ...colour.get(kind)], 6 * i);
     [x, y, z].forEach((v, a) => {
       box[0][a] = Math.min(box[0][a], v);
       box[1][a] = Math.max(box[1][a], v);
