@@ -15,6 +15,7 @@ use tokio_tungstenite::tungstenite::{self, Message};
 use tokio_tungstenite::{WebSocketStream, client_async};
 
 use crate::error::Error;
+use crate::maps::check_name;
 use crate::options::Token;
 use crate::session::frame::Frame;
 use crate::tls;
@@ -103,6 +104,9 @@ impl Session {
                 Box::new(connector.connect(name, stream).await.map_err(|e| failed(e.to_string(), hint))?)
             }
         };
+        if let Some(name) = &options.map {
+            check_name(name).map_err(|p| failed(p.detail, &p.hint))?;
+        }
         let mut query = Vec::new();
         query.extend(options.map.as_ref().map(|map| format!("map={map}")));
         query.extend(options.accumulate_m.map(|metres| format!("accumulate={metres}")));

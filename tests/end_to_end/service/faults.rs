@@ -177,6 +177,7 @@ fn requests() -> Vec<Fault> {
         sent("an empty token", bare("authorization: Bearer \r\n"), false, Refused(401)),
         asked("a page of somebody else's", get.header("origin", "https://evil.example"), Refused(403)),
         asked("an unknown place", Request::get("/v1/mops"), Refused(404)),
+        asked("a name that is no text", Request::get("/v1/maps/%ff"), Refused(400)),
         asked("a place above", Request::get("/../../etc/passwd"), Refused(404)),
         asked("an unknown method", Request::new("BREW", LOCALIZE), Refused(405)),
         asked("another method", Request::get(LOCALIZE), Refused(405)),

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use axum::Json;
 use axum::body::Body;
+use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State as Shared};
-use axum::http::{StatusCode, header};
+use axum::http::StatusCode;
 use axum::response::IntoResponse;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -14,12 +15,23 @@ use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
 use super::log::REQUEST_ID;
-use crate::body::receive;
+use crate::body::{Kind, receive};
 use crate::problem::Problem;
 use crate::state::{State, internal};
 
 /// Largest body that names a file, bytes.
 const MAX_ORDER: usize = 16 << 10;
+
+/// The name in a request's path, which may be no text.
+pub(super) type Named = Result<Path<String>, PathRejection>;
+
+/// The name, where it is text.
+pub(super) fn named(name: Named) -> Result<String, Problem> {
+    let bad = |e: PathRejection| {
+        Problem::new(StatusCode::BAD_REQUEST, e.body_text(), "GET /v1/maps lists the names")
+    };
+    name.map(|Path(name)| name).map_err(bad)
+}
 
 /// `GET /v1/maps`.
 pub(super) async fn list(Shared(state): Shared<Arc<State>>) -> Json<Value> {
@@ -27,11 +39,8 @@ pub(super) async fn list(Shared(state): Shared<Arc<State>>) -> Json<Value> {
 }
 
 /// `GET /v1/maps/NAME`.
-pub(super) async fn get(
-    Shared(state): Shared<Arc<State>>,
-    Path(name): Path<String>,
-) -> Result<Json<Value>, Problem> {
-    let maps = state.maps.pick(Some(&name))?;
+pub(super) async fn get(Shared(state): Shared<Arc<State>>, name: Named) -> Result<Json<Value>, Problem> {
+    let maps = state.maps.pick(Some(&named(name)?))?;
     Ok(Json(maps.first().map(|m| m.json()).unwrap_or_default()))
 }
 
@@ -44,12 +53,12 @@ struct Order {
 /// `PUT /v1/maps/NAME`. Once begun, a load is finished, even where nobody waits for its end any more.
 pub(super) async fn put(
     Shared(state): Shared<Arc<State>>,
-    Path(name): Path<String>,
+    name: Named,
     request: Request<Body>,
 ) -> Result<impl IntoResponse, Problem> {
+    let name = named(name)?;
     let (head, body) = request.into_parts();
-    let kind = head.headers.get(header::CONTENT_TYPE).map(|v| v.as_bytes()).unwrap_or_default();
-    if !kind.split(|&b| b == b';').next().is_some_and(|k| k.trim_ascii() == b"application/json") {
+    if Kind::of(&head.headers) != Ok(Kind::Json) {
         let what = "a map is named in JSON";
         let hint = "Content-Type: application/json, body {\"file\": \"/maps/MAP.esm\"}";
         return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, what, hint));
@@ -90,10 +99,8 @@ pub(super) async fn put(
 }
 
 /// `DELETE /v1/maps/NAME`.
-pub(super) async fn delete(
-    Shared(state): Shared<Arc<State>>,
-    Path(name): Path<String>,
-) -> Result<StatusCode, Problem> {
+pub(super) async fn delete(Shared(state): Shared<Arc<State>>, name: Named) -> Result<StatusCode, Problem> {
+    let name = named(name)?;
     state.maps.remove(&name)?;
     state.metrics.maps(&state.maps.all());
     tracing::info!(map = name, "map removed");

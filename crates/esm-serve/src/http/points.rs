@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use axum::extract::rejection::QueryRejection;
-use axum::extract::{Path, Query, State as Shared};
+use axum::extract::{Query, State as Shared};
 use axum::http::{HeaderName, StatusCode, header};
 use axum::response::IntoResponse;
 use esm_core::Map;
@@ -11,6 +11,7 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::localize::bad_query;
+use super::maps::{Named, named};
 use crate::problem::Problem;
 use crate::state::{State, worked};
 
@@ -31,12 +32,12 @@ pub(super) struct Asked {
 
 pub(super) async fn get(
     Shared(state): Shared<Arc<State>>,
-    Path(name): Path<String>,
+    name: Named,
     asked: Result<Query<Asked>, QueryRejection>,
 ) -> Result<impl IntoResponse, Problem> {
     let Query(Asked { max }) = asked.map_err(|e| bad_query(&e, "?max=300000"))?;
     let most = max.unwrap_or(POINTS).clamp(1, MAX_POINTS);
-    let maps = state.maps.pick(Some(&name))?;
+    let maps = state.maps.pick(Some(&named(name)?))?;
     let map = maps.first().map(|m| Arc::clone(&m.map)).ok_or_else(|| crate::state::internal("no map"))?;
     let Some(place) = state.pool.try_enter() else {
         return Err(Problem::busy("there is too much to do", "try again in a moment"));

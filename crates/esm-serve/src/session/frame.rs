@@ -142,7 +142,7 @@ struct TextOdometry {
 pub(crate) fn read_text(text: &str) -> Result<Incoming, String> {
     let Text { odometry } = serde_json::from_str(text).map_err(|e| e.to_string())?;
     let ns = odometry.stamp * 1e9;
-    if !(ns.abs() < i64::MAX as f64) {
+    if ns.is_nan() || ns.abs() >= i64::MAX as f64 {
         return Err(format!("the stamp {} is no time", odometry.stamp));
     }
     let pose_odom_sensor = pose(odometry.t, odometry.q)?;
