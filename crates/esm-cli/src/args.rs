@@ -338,7 +338,8 @@ pub struct ServeArgs {
 
 const SERVE_WORDS: &str = "\
 POST /v1/localize finds one cloud; GET /v1/session streams (WebSocket); GET, PUT, DELETE /v1/maps load
-and swap maps; GET /healthz, /readyz, /metrics and /openapi.json, which describes it all.
+and swap maps; GET /healthz, /readyz, /metrics and /openapi.json, which describes it all;
+GET / is a page for people.
 Its address is printed on stdout once it can answer. The first SIGINT (Ctrl-C), SIGTERM or SIGHUP
 finishes what is in flight and ends with 0, the second one ends at once with 130.";
 

@@ -22,7 +22,7 @@ pub(crate) struct LoadedMap {
     /// The file it was loaded from.
     pub(crate) file: PathBuf,
     pub(crate) map: Arc<Map>,
-    pub(crate) localizer: Localizer,
+    pub(crate) localizer: Arc<Localizer>,
 }
 
 impl LoadedMap {
@@ -197,7 +197,7 @@ impl Maps {
                 "the map was built with another [segment] configuration: expect fewer clouds to be located"
             );
         }
-        let localizer = Localizer::new(Arc::clone(&map), &config)?;
+        let localizer = Arc::new(Localizer::new(Arc::clone(&map), &config)?);
         Ok(LoadedMap { name: name.to_owned(), file: file.to_owned(), map, localizer })
     }
 }

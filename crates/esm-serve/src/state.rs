@@ -140,9 +140,14 @@ impl Answer {
     }
 }
 
-/// Finds a cloud in each of the maps and keeps the best answer: the better verdict, then the higher score, then the
-/// name that comes first. Not for threads that talk.
-pub(crate) fn find(live: &LiveCloud, maps: &[Arc<LoadedMap>], watched: bool) -> Result<Answer, Problem> {
+/// Finds a cloud in each of the maps by `localize` and keeps the best answer: the better verdict, then the higher score,
+/// then the name that comes first. Not for threads that talk.
+pub(crate) fn find(
+    live: &LiveCloud,
+    maps: &[Arc<LoadedMap>],
+    watched: bool,
+    mut localize: impl FnMut(&Arc<LoadedMap>) -> Result<Localization, esm_core::Error>,
+) -> Result<Answer, Problem> {
     let rank = |a: &Answer| match a.result.verdict {
         Verdict::Located => 2,
         Verdict::Ambiguous => 1,
@@ -150,8 +155,7 @@ pub(crate) fn find(live: &LiveCloud, maps: &[Arc<LoadedMap>], watched: bool) -> 
     };
     let mut best: Option<Answer> = None;
     for map in maps {
-        let result =
-            map.localizer.localize(live).map_err(|e| Problem::of(StatusCode::INTERNAL_SERVER_ERROR, &e))?;
+        let result = localize(map).map_err(|e| Problem::of(StatusCode::INTERNAL_SERVER_ERROR, &e))?;
         let answer = Answer { map: Arc::clone(map), result, searched: maps.len() > 1, sketch: None };
         let better = best.as_ref().is_none_or(|b| {
             let scores = answer.result.score.total_cmp(&b.result.score);

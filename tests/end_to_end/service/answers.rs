@@ -4,13 +4,13 @@ use esm_tests::recording::{point_cloud, write_pcd};
 use serde_json::{Value, json};
 
 use super::client::Request;
-use super::{OTHER_MAP, Service, floats, timeless, told_by_localize};
+use super::{OTHER_MAP, Service, floats, timeless, told, told_by_localize};
 use crate::common::{TOWN, esm, folder, run};
 
 #[test]
 fn the_same_cloud_in_four_bodies_gets_the_answer_of_localize() {
     let service = Service::town();
-    let want = told_by_localize(&TOWN.path("map.esm"), "0");
+    let want = told_by_localize(&TOWN.path("map.esm"));
     let dir = folder();
     for i in [0, 20, 45] {
         let sweep = &TOWN.live_drive[i];
@@ -43,7 +43,7 @@ fn the_same_cloud_in_four_bodies_gets_the_answer_of_localize() {
 fn a_replayed_recording_gets_the_answers_of_localize() {
     let service = Service::town();
     for accumulate in ["0", "20"] {
-        let want = told_by_localize(&TOWN.path("map.esm"), accumulate);
+        let want = told(&TOWN.path("map.esm"), &["--accumulate", accumulate]);
         let live = TOWN.path("live.mcap");
         let flags = ["--to", &service.url, "--speed", "0", "--json", "--accumulate", accumulate];
         let mut got = run(["replay".into(), live.into_os_string()].into_iter().chain(flags.map(Into::into)))
@@ -95,7 +95,7 @@ fn of_several_maps_the_named_one_is_searched_or_the_best_found() {
         |name: &str, path: &std::path::Path| ["--map".to_owned(), format!("{name}={}", path.display())];
     let maps = [flag("far", &far), flag("town", &TOWN.path("map.esm"))].concat();
     let service = Service::start(maps);
-    let want = told_by_localize(&TOWN.path("map.esm"), "0");
+    let want = told_by_localize(&TOWN.path("map.esm"));
     // A place that the first 60 m of the map drive do not hold.
     let i = 65;
     let sweep = &TOWN.live_drive[i];

@@ -249,7 +249,7 @@ impl Good {
         let sweep = &TOWN.live_drive[20];
         let request = Request::post(LOCALIZE, CDR, point_cloud(sweep.stamp, sweep.cloud.points()))
             .header("authorization", &format!("Bearer {TOKEN}"));
-        let want = super::told_by_localize(&TOWN.path("map.esm"), "0").swap_remove(20);
+        let want = super::told_by_localize(&TOWN.path("map.esm")).swap_remove(20);
         assert_eq!(want["verdict"], "located");
         Self { request, want }
     }

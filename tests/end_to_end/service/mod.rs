@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 
 use serde_json::Value;
 
-use crate::common::{TOWN, esm, lasting_folder, program};
+use crate::common::{TOWN, esm, lasting_folder, program, run};
 use client::{Reply, Request};
 
 /// Another map of the town, which answers otherwise.
@@ -99,10 +99,16 @@ fn timeless(mut answer: Value) -> Value {
 }
 
 /// What `localize` says about the live drive's sweeps, each by itself.
-fn told_by_localize(map: &std::path::Path, accumulate: &str) -> Vec<Value> {
-    let live = TOWN.path("live.mcap");
-    let mut lines =
-        esm!["localize", "--json", "--accumulate", accumulate, "--map", map, live].ended(0).json();
+fn told_by_localize(map: &std::path::Path) -> Vec<Value> {
+    told(map, &["--single", "--accumulate", "0"])
+}
+
+/// What `localize` says about the live drive's sweeps with these flags.
+fn told(map: &std::path::Path, flags: &[&str]) -> Vec<Value> {
+    let mut arguments = vec!["localize".into(), "--json".into(), "--map".into(), map.as_os_str().to_owned()];
+    arguments.extend(flags.iter().map(Into::into));
+    arguments.push(TOWN.path("live.mcap").into_os_string());
+    let mut lines = run(arguments).ended(0).json();
     lines.pop();
     lines.into_iter().map(timeless).collect()
 }

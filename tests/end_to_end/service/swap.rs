@@ -23,7 +23,7 @@ fn maps_are_swapped_under_load_without_a_dropped_request() {
     let bytes = std::fs::read(&a).unwrap();
     std::fs::write(&bad, &bytes[..bytes.len() - 64]).unwrap();
     let service = Service::start(["--map".to_owned(), format!("town={}", a.display())]);
-    let (by_a, by_b) = (told_by_localize(&a, "0"), told_by_localize(&b, "0"));
+    let (by_a, by_b) = (told_by_localize(&a), told_by_localize(&b));
     let (done, answers) = (AtomicBool::new(false), [AtomicUsize::new(0), AtomicUsize::new(0)]);
     std::thread::scope(|scope| {
         for thread in 0..3 {

@@ -69,7 +69,7 @@ pub(super) async fn post(
             Accumulator::new(config).map_err(|e| Problem::of(StatusCode::INTERNAL_SERVER_ERROR, &e))?;
         let live = accumulator.push(told.or(stamp).unwrap_or(0.0), &scan.cloud, None);
         let live = live.ok_or_else(|| crate::state::internal("a single sweep gave no cloud"))?;
-        find(&live, &maps, watched)
+        find(&live, &maps, watched, |map| map.localizer.localize(&live))
     });
     let Ok(done) = timeout_at(deadline, work).await else {
         return Err(Problem::busy(

@@ -3,6 +3,7 @@
 
 pub(crate) mod frame;
 mod inbox;
+mod robot;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -14,7 +15,6 @@ use axum::extract::{Query, State as Shared};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use esm_core::{AccumulateConfig, Accumulator};
-use esm_io::seconds;
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -23,11 +23,11 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use crate::body::Held;
 use crate::http::{REQUEST_ID, bad_query};
-use crate::maps::LoadedMap;
 use crate::problem::Problem;
-use crate::state::{Answer, State, find, internal, worked};
-use frame::{Incoming, look, points, read_text};
-use inbox::{Inbox, Pending};
+use crate::state::{State, worked};
+use frame::{Incoming, look, read_text};
+use inbox::Inbox;
+use robot::Robot;
 
 /// How long a cloud waits for the odometry at its time, where there is odometry.
 const MOTION_WAIT: Duration = Duration::from_millis(200);
@@ -143,7 +143,7 @@ impl Talk {
         let talk = async {
             let end = tokio::select! {
                 end = self.read(&mut from, &shelf) => end,
-                end = self.work(accumulator, &shelf, &out) => end,
+                end = self.work(Robot::new(accumulator), &shelf, &out) => end,
             };
             tracing::info!(
                 request_id = self.request_id,
@@ -228,7 +228,7 @@ impl Talk {
     }
 
     /// Answers the newest cloud, again and again.
-    async fn work(&self, mut accumulator: Accumulator, shelf: &Shelf, out: &mpsc::Sender<Message>) -> End {
+    async fn work(&self, mut robot: Robot, shelf: &Shelf, out: &mpsc::Sender<Message>) -> End {
         let mut answered = 0;
         let mut told = 0;
         loop {
@@ -252,13 +252,12 @@ impl Talk {
                 Err(problem) => return End::of(problem),
             };
             let watched = self.state.is_watched();
-            let done =
-                self.state.pool.enter().run(move || Ok(step(accumulator, clouds, &maps, watched))).await;
+            let done = self.state.pool.enter().run(move || Ok(robot.step(clouds, &maps, watched))).await;
             let (kept, result, waited) = match worked(done) {
                 Ok(((kept, result), waited)) => (kept, result, waited),
                 Err(problem) => return End::of(problem),
             };
-            accumulator = kept;
+            robot = kept;
             let answer = match result {
                 Ok(answer) => answer,
                 Err(problem) => return End::of(problem),
@@ -284,24 +283,4 @@ async fn something(shelf: &Shelf) {
     while shelf.inbox().is_empty() {
         shelf.news.notified().await;
     }
-}
-
-/// Puts the clouds together and finds the newest. Not for threads that talk.
-fn step(
-    mut accumulator: Accumulator,
-    clouds: Vec<(Pending, Option<esm_core::Pose>)>,
-    maps: &[Arc<LoadedMap>],
-    watched: bool,
-) -> (Accumulator, Result<Answer, Problem>) {
-    let mut live = None;
-    for (Pending { stamp_ns, message, held, .. }, pose_odom_sensor) in clouds {
-        let scan = points(&message);
-        drop((message, held));
-        live = accumulator.push(seconds(stamp_ns), &scan.cloud, pose_odom_sensor);
-    }
-    let answer = match live {
-        Some(live) => find(&live, maps, watched),
-        None => Err(internal("a sweep gave no cloud")),
-    };
-    (accumulator, answer)
 }
