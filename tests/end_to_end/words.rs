@@ -35,7 +35,7 @@ fn errors_read_like_this() {
         plain(esm!["map", "build", "x.mcap", "-o", dir.path().join("map.txt")])
     );
     let config = dir.path().join("esm.toml");
-    std::fs::write(&config, "[verify]\nmin_score = \"high\"\n").unwrap();
+    std::fs::write(&config, "[verify]\nmin_seen = \"high\"\n").unwrap();
     insta::assert_snapshot!(
         "error_bad_configuration",
         plain(esm!["localize", "--map", missing, "x.mcap", "--config", config])
