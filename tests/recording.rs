@@ -151,7 +151,8 @@ impl Cdr {
     }
 }
 
-fn point_cloud(stamp: f64, points: &[[f32; 3]]) -> Vec<u8> {
+/// A PointCloud2 in CDR.
+pub fn point_cloud(stamp: f64, points: &[[f32; 3]]) -> Vec<u8> {
     const FLOAT32: u8 = 7;
     let mut cdr = Cdr::new();
     cdr.header(stamp, "lidar");

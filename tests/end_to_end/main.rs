@@ -13,5 +13,6 @@ mod maps;
 mod outputs;
 mod pipeline;
 mod segments;
+mod service;
 mod simulate;
 mod words;

@@ -19,6 +19,8 @@ fn help_texts() {
     insta::assert_snapshot!("help_simulate", rest.join("\n"));
     assert!(presets.len() >= 6 && presets.iter().all(|l| l.len() > 40), "each says what it is: {presets:?}");
     insta::assert_snapshot!("help_demo", help(&["demo"]));
+    insta::assert_snapshot!("help_serve", help(&["serve"]));
+    insta::assert_snapshot!("help_replay", help(&["replay"]));
 }
 
 #[test]
@@ -33,7 +35,7 @@ fn errors_read_like_this() {
         plain(esm!["map", "build", "x.mcap", "-o", dir.path().join("map.txt")])
     );
     let config = dir.path().join("esm.toml");
-    std::fs::write(&config, "[verify]\nmin_score = \"high\"\n").unwrap();
+    std::fs::write(&config, "[verify]\nmin_seen = \"high\"\n").unwrap();
     insta::assert_snapshot!(
         "error_bad_configuration",
         plain(esm!["localize", "--map", missing, "x.mcap", "--config", config])
@@ -84,7 +86,9 @@ fn manual_pages_are_written() {
             "esm-cli-map-build.1",
             "esm-cli-map-info.1",
             "esm-cli-map.1",
+            "esm-cli-replay.1",
             "esm-cli-segments.1",
+            "esm-cli-serve.1",
             "esm-cli-simulate.1",
             "esm-cli.1",
         ]

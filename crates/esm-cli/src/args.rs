@@ -61,6 +61,10 @@ pub enum Command {
     Demo(DemoArgs),
     /// Cut recordings whose poses are known into labelled segments, for training and judging descriptors
     Segments(Box<SegmentsArgs>),
+    /// Answer robots over the network: clouds in, poses out, as long as it runs
+    Serve(Box<ServeArgs>),
+    /// Stream a recording to a service, as a robot would
+    Replay(Box<ReplayArgs>),
     /// Print the default configuration as commented TOML
     Config,
     /// Print a completion script
@@ -302,6 +306,137 @@ Where points carry the field object_id, as the simulator's do, a segment is name
 that has most of its points. Elsewhere segments within 0.5 m of each other are one object, those more
 than 4 m apart are different ones, and the others have no name. The set is a directory of NumPy
 arrays; python/train/DATA.md describes it.";
+
+/// `esm-cli serve ...`
+#[derive(Debug, Args)]
+#[command(after_help = SERVE_WORDS)]
+pub struct ServeArgs {
+    /// A map, and its name where that is not the file's; several times for several maps
+    #[arg(short, long, required = true, value_name = "[NAME=]MAP.esm", value_hint = ValueHint::FilePath)]
+    pub map: Vec<String>,
+    /// Where to listen; port 0 takes any free one
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8080")]
+    pub listen: String,
+    /// Metres of travel a cloud of a session holds, where the session does not say; 0 takes each sweep by itself
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
+    pub accumulate: Option<f64>,
+    /// Maps may be loaded from here too, while it runs; otherwise from the folders of the given maps only
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub map_root: Vec<PathBuf>,
+    /// How lines of the log look
+    #[arg(long, value_enum, default_value_t = crate::console::Style::Text, value_name = "STYLE")]
+    pub log: crate::console::Style,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub safety: SafetyArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub limits: LimitArgs,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tune: TuneArgs,
+}
+
+const SERVE_WORDS: &str = "\
+POST /v1/localize finds one cloud; GET /v1/session streams (WebSocket); GET, PUT, DELETE /v1/maps load
+and swap maps; GET /healthz, /readyz, /metrics and /openapi.json, which describes it all;
+GET / is a page for people.
+Its address is printed on stdout once it can answer. The first SIGINT (Ctrl-C), SIGTERM or SIGHUP
+finishes what is in flight and ends with 0, the second one ends at once with 130.";
+
+/// Who may ask.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Safety")]
+pub struct SafetyArgs {
+    /// Requests must carry the token in this file (Authorization: Bearer TOKEN)
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub token_file: Option<PathBuf>,
+    /// Certificate chain for TLS
+    #[arg(long, value_name = "FILE.pem", requires = "tls_key", value_hint = ValueHint::FilePath)]
+    pub tls_cert: Option<PathBuf>,
+    /// Its private key
+    #[arg(long, value_name = "FILE.pem", requires = "tls_cert", value_hint = ValueHint::FilePath)]
+    pub tls_key: Option<PathBuf>,
+    /// Listen on an address that others can reach, without token and TLS
+    #[arg(long)]
+    pub insecure_public: bool,
+}
+
+/// How much is taken on.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Limits")]
+pub struct LimitArgs {
+    /// Largest request body or message, MiB
+    #[arg(long, value_name = "MB", default_value_t = 64)]
+    pub max_body_mb: usize,
+    /// What all bodies may take of the memory together, MiB
+    #[arg(long, value_name = "MB", default_value_t = 512)]
+    pub max_held_mb: usize,
+    /// Largest map file, MiB: maps are held in memory
+    #[arg(long, value_name = "MB", default_value_t = 8192)]
+    pub max_map_mb: u64,
+    /// Clouds localized at the same time [default: one a core]
+    #[arg(long, value_name = "N")]
+    pub workers: Option<usize>,
+    /// Requests that may wait for a worker; more are told to come again
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub queue: usize,
+    /// Seconds a request may take
+    #[arg(long, value_name = "S", default_value_t = 30.0, allow_negative_numbers = true)]
+    pub timeout: f64,
+    /// Connections at the same time
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    pub max_connections: usize,
+    /// Streaming sessions at the same time
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    pub max_sessions: usize,
+}
+
+/// `esm-cli replay ...`
+#[derive(Debug, Args)]
+#[command(after_help = REPLAY_WORDS)]
+pub struct ReplayArgs {
+    /// Recordings (.mcap), directories of scans, or single scans
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::AnyPath)]
+    pub inputs: Vec<PathBuf>,
+    /// The service
+    #[arg(long, value_name = "URL", value_hint = ValueHint::Url)]
+    pub to: String,
+    /// The service's map to search [default: all it has]
+    #[arg(short, long, value_name = "NAME")]
+    pub map: Option<String>,
+    /// Metres of travel a cloud holds [default: the service's setting]
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
+    pub accumulate: Option<f64>,
+    /// How many times faster than recorded; 0 sends each sweep when the one before was answered
+    #[arg(long, value_name = "F", default_value_t = 1.0, allow_negative_numbers = true)]
+    pub speed: f64,
+    /// The service's answers as they come, and a summary
+    #[arg(long)]
+    pub json: bool,
+    /// The token in this file, where the service wants one
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub token_file: Option<PathBuf>,
+    /// The certificate to trust, where the service speaks TLS
+    #[arg(long, value_name = "FILE.pem", value_hint = ValueHint::FilePath)]
+    pub ca: Option<PathBuf>,
+    /// Poses of the scans: a TUM file (by time stamp) or a KITTI file (one line a scan)
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub poses: Option<PathBuf>,
+    /// Only these scans, counted from 1 over all inputs
+    #[arg(long, value_name = "A-B[,C-D]", value_delimiter = ',')]
+    pub frames: Vec<FrameRange>,
+    /// Topic of the point clouds
+    #[arg(long, value_name = "TOPIC")]
+    pub cloud_topic: Option<String>,
+    /// Topic of the sensor's motion (Odometry, PoseStamped or TFMessage)
+    #[arg(long, value_name = "TOPIC")]
+    pub odometry_topic: Option<String>,
+}
+
+const REPLAY_WORDS: &str = "\
+Sweeps that come faster than the service answers are dropped by it, all but the newest; the summary
+counts them. With --speed 0 every sweep is answered, as by `localize`.";
 
 /// How live clouds are put together.
 #[derive(Debug, Default, Args)]

@@ -13,8 +13,18 @@ use tracing_subscriber::fmt::format::Writer;
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 static QUIET: AtomicBool = AtomicBool::new(false);
 
+/// How log lines look.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Style {
+    /// For people.
+    #[default]
+    Text,
+    /// One JSON object a line, with its time.
+    Json,
+}
+
 /// Sets up logging; `verbosity` as [`Cli::verbosity`](crate::args::Cli::verbosity) gives it. Later calls do nothing.
-pub fn init(verbosity: i8) {
+pub fn init(verbosity: i8, style: Style) {
     QUIET.store(verbosity < 0, Ordering::Relaxed);
     let level = match verbosity {
         ..0 => LevelFilter::ERROR,
@@ -22,14 +32,14 @@ pub fn init(verbosity: i8) {
         1 => LevelFilter::INFO,
         2.. => LevelFilter::DEBUG,
     };
-    let subscriber = tracing_subscriber::fmt()
-        .with_max_level(level)
-        .with_writer(AboveBars)
-        .with_ansi(false)
-        .event_format(Plain)
-        .finish();
+    let subscriber = tracing_subscriber::fmt().with_max_level(level).with_writer(AboveBars).with_ansi(false);
     // Fails only where a subscriber is set already, as in tests that call the program twice in one process.
-    let _ = tracing::subscriber::set_global_default(subscriber);
+    let _ = match style {
+        Style::Text => tracing::subscriber::set_global_default(subscriber.event_format(Plain).finish()),
+        Style::Json => tracing::subscriber::set_global_default(
+            subscriber.json().flatten_event(true).with_current_span(false).with_span_list(false).finish(),
+        ),
+    };
 }
 
 /// Prints a line on stderr, above the bars.

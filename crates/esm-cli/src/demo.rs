@@ -10,7 +10,7 @@ use crate::args::{BuildArgs, DemoArgs, LiveArgs, LocalizeArgs, ReadArgs, TuneArg
 use crate::localize::{self, Found};
 use crate::outcome::Outcome;
 use crate::output::{Lines, check_target};
-use crate::{build, console, info, memory, plot, settings, simulate};
+use crate::{build, console, memory, plot, settings, simulate};
 
 /// One place of the demo.
 struct Place {
@@ -89,7 +89,7 @@ fn visit(place: &Place, args: &DemoArgs, lines: &mut Lines) -> anyhow::Result<Fo
         place.name,
         began.elapsed().as_secs_f64(),
         map.len(),
-        info::path_length(&map),
+        map.path_length_m(),
         map.file_size() as f64 * 1e-6
     ))?;
     esm_io::write_file(file("localize.toml"), place.config.as_bytes())?;

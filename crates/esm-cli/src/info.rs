@@ -10,9 +10,6 @@ use crate::args::InfoArgs;
 use crate::outcome::Outcome;
 use crate::output::data;
 
-/// Positions of the mapped path farther apart are not one drive, metres.
-const PATH_GAP_M: f64 = 20.0;
-
 pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     let map = Map::open(&args.map)?;
     if args.check {
@@ -45,7 +42,7 @@ fn summary(map: &Map, checked: bool) -> Value {
         "points": map.point_count(),
         "ground_tiles": map.ground_tiles().len(),
         "structure_tiles": map.structure_tiles().len(),
-        "path": {"positions": map.path().len(), "length_m": path_length(map)},
+        "path": {"positions": map.path().len(), "length_m": map.path_length_m()},
         "coverage_cells": map.coverage().len(),
         "origin": map.origin(),
         "bounds": {"min": min, "max": max},
@@ -65,7 +62,7 @@ pub(crate) fn table(path: &Path, map: &Map) -> String {
     let size = [0, 1, 2].map(|a| max[a] - min[a]);
     let place = match map.path() {
         [] => format!("no path; {} cells of 5 m hold points", map.coverage().len()),
-        path => format!("path of {:.0} m, {} positions", path_length(map), path.len()),
+        path => format!("path of {:.0} m, {} positions", map.path_length_m(), path.len()),
     };
     let rows = [
         ("map", path.display().to_string()),
@@ -95,10 +92,4 @@ pub(crate) fn table(path: &Path, map: &Map) -> String {
     ];
     let rows: Vec<String> = rows.iter().map(|(name, value)| format!("{name:<18} {value}")).collect();
     rows.join("\n")
-}
-
-/// Metres of the mapped path.
-pub(crate) fn path_length(map: &Map) -> f64 {
-    let step = |p: &[[f64; 3]]| (0..3).map(|a| (p[1][a] - p[0][a]).powi(2)).sum::<f64>().sqrt();
-    map.path().windows(2).map(step).filter(|d| *d <= PATH_GAP_M).sum()
 }

@@ -22,7 +22,9 @@ mod memory;
 pub mod outcome;
 pub mod output;
 mod plot;
+mod replay;
 mod segments;
+mod serve;
 pub mod settings;
 mod signals;
 mod simulate;
@@ -38,7 +40,12 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(cli) => cli,
         Err(refusal) => return outcome::usage(&refusal, &arguments),
     };
-    console::init(cli.verbosity());
+    let (verbosity, style) = match &cli.command {
+        // A service tells what happens without being asked.
+        Command::Serve(args) => (cli.verbosity() + i8::from(cli.verbosity() >= 0), args.log),
+        _ => (cli.verbosity(), console::Style::Text),
+    };
+    console::init(verbosity, style);
     signals::install();
     outcome::exit(run(cli.command))
 }
@@ -52,6 +59,8 @@ fn run(command: Command) -> anyhow::Result<Outcome> {
         Command::Simulate(args) => simulate::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Segments(args) => segments::run(&args),
+        Command::Serve(args) => serve::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Config => config_text::run(),
         Command::Completions { shell } => completions::shell(shell),
         Command::Man { dir } => completions::man(dir.as_deref()),

@@ -13,6 +13,8 @@ pub(crate) const CODE_INTERRUPTED: u8 = 130;
 /// appears meanwhile.
 static UNFINISHED: Mutex<usize> = Mutex::new(0);
 static STOP: AtomicBool = AtomicBool::new(false);
+/// Who wants to know of the first signal, instead of being ended by it.
+static WAITING: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
 
 /// Takes over the signals. The first one stops the run at once where no file is unfinished, else at the next
 /// [`check`]; the second one stops it wherever it is.
@@ -20,6 +22,10 @@ pub(crate) fn install() {
     let handled = ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::SeqCst) {
             std::process::exit(i32::from(CODE_INTERRUPTED));
+        }
+        let waiting = WAITING.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
+        if let Some(tell) = waiting {
+            return tell();
         }
         let unfinished = UNFINISHED.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         if *unfinished == 0 {
@@ -30,6 +36,12 @@ pub(crate) fn install() {
     if let Err(error) = handled {
         tracing::debug!("signals are not handled: {error}");
     }
+}
+
+/// Has the first signal call `tell` instead of ending the run: for what runs until it is told to stop. The second one ends
+/// it all the same.
+pub(crate) fn on_first(tell: impl FnOnce() + Send + 'static) {
+    *WAITING.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(Box::new(tell));
 }
 
 /// The run was stopped by a signal.

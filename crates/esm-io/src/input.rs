@@ -9,23 +9,38 @@ use crate::error::{Error, HINT_INCOMPLETE};
 /// Longest line accepted in a text header or a text body, bytes. Real ones are below a kilobyte.
 pub(crate) const LINE_LIMIT: u64 = 64 * 1024;
 
-/// A file opened for reading from its start.
-pub(crate) struct Input {
+/// A file, or its bytes, opened for reading from the start.
+pub(crate) struct Input<R = File> {
     pub(crate) path: PathBuf,
     /// Length of the file in bytes when it was opened.
     pub(crate) len: u64,
-    pub(crate) reader: BufReader<File>,
+    pub(crate) reader: BufReader<R>,
     /// Bytes taken so far.
     pub(crate) taken: u64,
     /// Number of the last line read, from 1.
     pub(crate) line: u64,
+    /// Most bytes that compressed content may unpack to.
+    pub(crate) unpack_limit: u64,
 }
 
 impl Input {
     pub(crate) fn open(path: &Path) -> Result<Self, Error> {
         let (file, len) = open_regular(path)?;
-        let reader = BufReader::with_capacity(1 << 16, file);
-        Ok(Self { path: path.to_owned(), len, reader, taken: 0, line: 0 })
+        Ok(Self::new(file, len, path))
+    }
+}
+
+impl<'a> Input<&'a [u8]> {
+    /// The bytes of a file that lies in memory; `name` stands for it in messages.
+    pub(crate) fn of_bytes(bytes: &'a [u8], name: &str, unpack_limit: u64) -> Self {
+        Self { unpack_limit, ..Self::new(bytes, bytes.len() as u64, Path::new(name)) }
+    }
+}
+
+impl<R: Read> Input<R> {
+    fn new(source: R, len: u64, path: &Path) -> Self {
+        let reader = BufReader::with_capacity(1 << 16, source);
+        Self { path: path.to_owned(), len, reader, taken: 0, line: 0, unpack_limit: u64::MAX }
     }
 
     /// An error where the file has no byte at all.

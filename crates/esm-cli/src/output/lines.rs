@@ -1,40 +1,16 @@
 //! One result a line: JSON for programs, a table for people.
 
-use esm_core::{Localization, Pose, Timings};
+use esm_core::{Localization, Timings};
+use esm_io::{LocalizationLine, stage_micros};
 use serde::Serialize;
-use serde_json::{Map, Value, json};
 
 use crate::truth::Judgement;
 
-/// A pose as written in results: position in metres, quaternion x y z w.
-#[derive(Serialize)]
-pub(crate) struct PoseText {
-    t: [f64; 3],
-    q: [f64; 4],
-}
-
-impl From<&Pose> for PoseText {
-    fn from(pose: &Pose) -> Self {
-        let (t, q) = (pose.translation.vector, pose.rotation.coords);
-        Self { t: t.into(), q: [q.x, q.y, q.z, q.w] }
-    }
-}
-
-/// Keys in the order of the contract.
+/// The contract's object, and how it was judged.
 #[derive(Serialize)]
 struct Line<'a> {
-    stamp: f64,
-    verdict: &'static str,
-    reason: Option<&'a str>,
-    pose: Option<PoseText>,
-    covariance: Option<&'a [f64]>,
-    travel_m: f64,
-    segments: usize,
-    described: usize,
-    inliers: usize,
-    score: f64,
-    runner_up: f64,
-    timings_ms: Map<String, Value>,
+    #[serde(flatten)]
+    result: LocalizationLine<'a>,
     #[serde(flatten)]
     judged: Option<Judged>,
 }
@@ -49,18 +25,7 @@ struct Judged {
 /// The line of one cloud; `judgement` where there is a truth.
 pub(crate) fn json_line(result: &Localization, judgement: Option<&Judgement>) -> anyhow::Result<String> {
     let line = Line {
-        stamp: result.stamp,
-        verdict: result.verdict.as_str(),
-        reason: result.reason.as_deref(),
-        pose: result.pose_map_sensor.as_ref().map(PoseText::from),
-        covariance: result.covariance.as_ref().map(|c| c.as_slice()),
-        travel_m: result.travel_m,
-        segments: result.segments,
-        described: result.described,
-        inliers: result.inliers,
-        score: result.score,
-        runner_up: result.runner_up,
-        timings_ms: timings_ms(&result.timings),
+        result: result.into(),
         judged: judgement.map(|j| Judged {
             error_m: j.error.map(|e| e.m),
             error_deg: j.error.map(|e| e.deg),
@@ -68,19 +33,6 @@ pub(crate) fn json_line(result: &Localization, judgement: Option<&Judgement>) ->
         }),
     };
     Ok(serde_json::to_string(&line)?)
-}
-
-/// The stages in the pipeline's order, and their sum.
-pub(crate) fn timings_ms(timings: &Timings) -> Map<String, Value> {
-    stage_micros(timings).map(|(name, us)| (name.to_owned(), json!(us as f64 / 1e3))).collect()
-}
-
-/// The stages in the pipeline's order and `total`, in whole microseconds: the clock knows no more, and the total is
-/// the sum of what is printed.
-pub(super) fn stage_micros(timings: &Timings) -> impl Iterator<Item = (&'static str, u64)> {
-    let stages = timings.stages().map(|(name, time)| (name, (time.as_secs_f64() * 1e6).round() as u64));
-    let total = stages.iter().map(|(_, us)| us).sum();
-    stages.into_iter().chain([("total", total)])
 }
 
 /// The stages and their sum on one line, for the log.
@@ -155,7 +107,8 @@ pub(crate) fn table_line(result: &Localization, judgement: Option<&Judgement>) -
 mod tests {
     use std::time::Duration;
 
-    use esm_core::Verdict;
+    use esm_core::{Pose, Verdict};
+    use serde_json::{Value, json};
 
     use super::*;
     use crate::truth::PoseError;
@@ -206,24 +159,6 @@ mod tests {
         assert_eq!(value["timings_ms"]["pose"], json!(1.5));
         assert_eq!(value["timings_ms"]["total"], json!(1.5));
         assert_eq!(value["timings_ms"].as_object().unwrap().len(), 8);
-    }
-
-    #[test]
-    fn the_total_is_the_sum_of_what_is_printed() {
-        // Each stage is rounded up by 0.4 microseconds.
-        let odd = Duration::from_nanos(1_000_600);
-        let timings = Timings {
-            accumulation: odd,
-            segmentation: odd,
-            preprocessing: odd,
-            descriptor: odd,
-            matching: odd,
-            pose: odd,
-            verification: odd,
-        };
-        let text = serde_json::to_string(&timings_ms(&timings)).unwrap();
-        assert_eq!(text.matches(":1.001,").count(), 7, "{text}");
-        assert!(text.ends_with("\"total\":7.007}"), "{text}");
     }
 
     #[test]

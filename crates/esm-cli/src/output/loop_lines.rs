@@ -1,9 +1,9 @@
 //! One loop closure a line.
 
 use esm_core::{Localization, LoopClosure};
+use esm_io::{PoseLine, StageMillis};
 use serde_json::json;
 
-use super::lines::{PoseText, timings_ms};
 use crate::truth::Judgement;
 
 /// The line of one closure between two scans, numbered as by `--frames`; `judgement` where there is a truth.
@@ -18,7 +18,7 @@ pub(crate) fn loop_json(
         "stamp_to": closure.stamp_to,
         "frame_from": frames[0],
         "frame_to": frames[1],
-        "pose_from_to": PoseText::from(&closure.pose_from_to),
+        "pose_from_to": PoseLine::from(&closure.pose_from_to),
         "covariance": closure.covariance.as_ref().map(|c| c.as_slice()),
         "travel_m": result.travel_m,
         "segments": result.segments,
@@ -26,7 +26,7 @@ pub(crate) fn loop_json(
         "inliers": result.inliers,
         "score": result.score,
         "runner_up": result.runner_up,
-        "timings_ms": timings_ms(&result.timings),
+        "timings_ms": StageMillis(&result.timings),
     });
     if let Some(judgement) = judgement {
         line["error_m"] = json!(judgement.error.map(|e| e.m));

@@ -3,9 +3,9 @@
 use std::time::Instant;
 
 use esm_core::Timings;
+use esm_io::stage_micros;
 use serde_json::{Map, Value, json};
 
-use super::lines::stage_micros;
 use crate::memory;
 use crate::truth::{Quantiles, Tally};
 

@@ -13,6 +13,9 @@ use super::{check, read, write};
 use crate::describe::{self, Descriptor, NAMES};
 use crate::error::Error;
 
+/// Positions of the mapped path farther apart are not one drive, metres.
+const PATH_GAP_M: f64 = 20.0;
+
 /// A prior map: checked, immutable, and the same to use whether it was just gathered or lies in a file.
 ///
 /// An opened map keeps its file mapped. Files must be replaced (written beside and renamed, as [`Map::write`] does),
@@ -114,6 +117,16 @@ impl Map {
     /// whose contents make no sense; [`Error::Io`] where the system refuses.
     pub fn open(path: &Path) -> Result<Self, Error> {
         read::open(path)
+    }
+
+    /// Copies a map file into memory and verifies every byte of it, the points included. Takes as much memory as the file
+    /// is long; in return nothing that happens to the file later, not even being overwritten in place, can harm whoever
+    /// uses the map. For programs that run for days.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open) and [`verify_points`](Self::verify_points).
+    pub fn load(path: &Path) -> Result<Self, Error> {
+        read::load(path)
     }
 
     /// Writes the map file: to a temporary file in the same folder, synced, then renamed, then the folder is synced. A
@@ -230,6 +243,12 @@ impl Map {
     /// The path the map was recorded along, positions in the map frame, metres; empty for a map of a prior cloud.
     pub fn path(&self) -> &[[f64; 3]] {
         &self.path
+    }
+
+    /// Metres of the mapped path; positions more than 20 m apart are not one drive and add nothing.
+    pub fn path_length_m(&self) -> f64 {
+        let step = |p: &[[f64; 3]]| (0..3).map(|a| (p[1][a] - p[0][a]).powi(2)).sum::<f64>().sqrt();
+        self.path().windows(2).map(step).filter(|d| *d <= PATH_GAP_M).sum()
     }
 
     /// For a map of a prior cloud the 5 m cells of the map frame that hold points, ascending; empty otherwise.

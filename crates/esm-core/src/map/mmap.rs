@@ -1,10 +1,10 @@
 //! Mapping a file into memory: the crate's only unsafe code.
 
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Read};
 use std::path::Path;
 
-use memmap2::{Mmap, MmapOptions};
+use memmap2::{Mmap, MmapMut, MmapOptions};
 
 use super::layout::HEADER_LEN;
 use super::problem::{HINT_DAMAGED, HINT_NOT_A_MAP};
@@ -16,6 +16,35 @@ use crate::error::Error;
 /// [`Error::MapFile`] where there is no file, or something that is not a regular file, or an empty one;
 /// [`Error::Io`] where the system refuses.
 pub(super) fn map_file(path: &Path) -> Result<Mmap, Error> {
+    let (file, len) = open_regular(path)?;
+    map(&file, len).map_err(|source| Error::Io {
+        path: path.to_owned(),
+        doing: "mapping the file into memory",
+        source,
+    })
+}
+
+/// Copies a whole regular file into memory of our own: whatever happens to the file later changes nothing.
+///
+/// # Errors
+/// As [`map_file`].
+pub(super) fn copy_file(path: &Path) -> Result<Mmap, Error> {
+    let (mut file, len) = open_regular(path)?;
+    let io_error = |doing| move |source| Error::Io { path: path.to_owned(), doing, source };
+    let mut memory = MmapMut::map_anon(len).map_err(io_error("making room for the map"))?;
+    file.read_exact(&mut memory).map_err(|e| match e.kind() {
+        io::ErrorKind::UnexpectedEof => Error::MapFile {
+            path: path.to_owned(),
+            what: "the file became shorter while it was read".to_owned(),
+            hint: HINT_DAMAGED,
+        },
+        _ => io_error("reading the map file")(e),
+    })?;
+    memory.make_read_only().map_err(io_error("protecting the map's memory"))
+}
+
+/// Opens a regular file that is not empty; also gives its length.
+fn open_regular(path: &Path) -> Result<(File, usize), Error> {
     let io_error = |doing| move |source| Error::Io { path: path.to_owned(), doing, source };
     let refuse = |what: &str, hint| Error::MapFile { path: path.to_owned(), what: what.to_owned(), hint };
 
@@ -49,7 +78,7 @@ pub(super) fn map_file(path: &Path) -> Result<Mmap, Error> {
             "use a 64-bit machine",
         )
     })?;
-    map(&file, len).map_err(io_error("mapping the file into memory"))
+    Ok((file, len))
 }
 
 #[allow(unsafe_code)]

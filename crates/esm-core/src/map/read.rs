@@ -24,6 +24,13 @@ pub(super) fn open(path: &Path) -> Result<Map, Error> {
     read(&file, path).map_err(|p| p.in_file(path))
 }
 
+pub(super) fn load(path: &Path) -> Result<Map, Error> {
+    let copy = Arc::new(mmap::copy_file(path)?);
+    let map = read(&copy, path).map_err(|p| p.in_file(path))?;
+    map.verify_points()?;
+    Ok(map)
+}
+
 fn read(file: &Arc<Mmap>, path: &Path) -> Result<Map, Problem> {
     let header = header(file)?;
     let entries = table(file, &header)?;

@@ -188,3 +188,42 @@ fn a_pipe_is_refused_at_once() {
     let message = Map::open(Path::new("/dev/null")).unwrap_err().to_string();
     assert!(message.starts_with("/dev/null: this is not a regular file"), "{message}");
 }
+
+/// Whoever has copied a map does not care what becomes of the file.
+#[test]
+fn a_loaded_map_outlives_what_happens_to_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.esm");
+    let bytes = bytes_of(large_data(40, 3000, 4));
+    std::fs::write(&path, &bytes).unwrap();
+    let (opened, loaded) = (Map::open(&path).unwrap(), Map::load(&path).unwrap());
+    assert_eq!(loaded.len(), opened.len());
+    assert_eq!(loaded.file_size(), bytes.len() as u64);
+    let before: Vec<_> = (0..loaded.len()).map(|s| opened.segment_points(s).unwrap()).collect();
+    drop(opened);
+    // Overwritten in place, then cut to nothing: a mapping of the file would end the process with SIGBUS.
+    std::fs::write(&path, vec![0xaa; bytes.len()]).unwrap();
+    std::fs::File::create(&path).unwrap();
+    let after: Vec<_> = (0..loaded.len()).map(|s| loaded.segment_points(s).unwrap()).collect();
+    assert_eq!(before, after);
+    loaded.write(&folder.path().join("again.esm")).unwrap();
+    assert_eq!(std::fs::read(folder.path().join("again.esm")).unwrap(), bytes);
+}
+
+/// Opening leaves the points for later; loading looks at them too.
+#[test]
+fn loading_verifies_the_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.esm");
+    let mut bytes = bytes_of(large_data(40, 3000, 4));
+    let points = {
+        std::fs::write(&path, &bytes).unwrap();
+        let map = Map::open(&path).unwrap();
+        map.sections().iter().find(|s| s.id == "PNTS").map(|s| s.offset).unwrap()
+    };
+    bytes[points as usize + 5] ^= 1;
+    std::fs::write(&path, &bytes).unwrap();
+    assert!(Map::open(&path).is_ok());
+    let error = Map::load(&path).unwrap_err().to_string();
+    assert!(error.contains("PNTS") && error.contains("hint: "), "{error}");
+}

@@ -1,5 +1,7 @@
 //! KITTI `.bin`: x, y, z, reflectance as little-endian f32, sixteen bytes a point, nothing else.
 
+use std::io::Read;
+
 use super::sink::PointSink;
 use crate::error::{Error, HINT_INCOMPLETE};
 use crate::input::Input;
@@ -7,7 +9,7 @@ use crate::scalar::{Scalar, XyzLayout};
 
 const POINT: u64 = 16;
 
-pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> {
+pub(super) fn read<R: Read>(mut input: Input<R>, sink: &mut PointSink) -> Result<(), Error> {
     input.refuse_empty()?;
     if !input.len.is_multiple_of(POINT) {
         return Err(Error::malformed(

@@ -4,6 +4,7 @@ mod bin;
 mod las;
 mod laz_guard;
 mod lzf;
+mod memory;
 mod pcd;
 mod ply;
 pub(crate) mod sink;
@@ -14,6 +15,7 @@ use esm_core::PointCloud;
 
 use crate::error::Error;
 use crate::input::Input;
+pub use memory::{ScanFormat, scan_from_bytes, scan_from_points};
 use sink::PointSink;
 
 /// File name extensions of clouds, lower case.

@@ -8,6 +8,8 @@
 //! `POINTS` counts; where it is missing or 0, `WIDTH` x `HEIGHT` does (files with `WIDTH 0 HEIGHT 0 POINTS n` exist).
 //! `VIEWPOINT` is not applied, as in PCL: points stay in the frame they are stored in.
 
+use std::io::Read;
+
 use super::lzf;
 use super::sink::PointSink;
 use crate::error::{Error, HINT_INCOMPLETE};
@@ -42,7 +44,7 @@ struct Header {
     data: Data,
 }
 
-pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> {
+pub(super) fn read<R: Read>(mut input: Input<R>, sink: &mut PointSink) -> Result<(), Error> {
     input.refuse_empty()?;
     let header = read_header(&mut input)?;
     match header.data {
@@ -52,7 +54,7 @@ pub(super) fn read(mut input: Input, sink: &mut PointSink) -> Result<(), Error> 
     }
 }
 
-fn read_header(input: &mut Input) -> Result<Header, Error> {
+fn read_header<R: Read>(input: &mut Input<R>) -> Result<Header, Error> {
     let mut line = Vec::new();
     let mut fields: Vec<String> = Vec::new();
     let (mut sizes, mut types, mut counts) = (Vec::new(), Vec::new(), None);
@@ -149,8 +151,8 @@ fn read_header(input: &mut Input) -> Result<Header, Error> {
     })
 }
 
-fn numbers<'a>(
-    input: &Input,
+fn numbers<'a, R: Read>(
+    input: &Input<R>,
     key: &str,
     words: impl Iterator<Item = std::borrow::Cow<'a, str>>,
 ) -> Result<Vec<u64>, Error> {
@@ -178,12 +180,12 @@ fn scalar(kind: &str, size: u64) -> Option<Scalar> {
     })
 }
 
-fn too_few(input: &Input, header: &Header, place: String, holds: u64) -> Error {
+fn too_few<R: Read>(input: &Input<R>, header: &Header, place: String, holds: u64) -> Error {
     let what = format!("{} {}, the file holds {holds}", header.points_from, header.points);
     Error::malformed(&input.path, place, what, HINT_INCOMPLETE)
 }
 
-fn read_ascii(mut input: Input, header: &Header, sink: &mut PointSink) -> Result<(), Error> {
+fn read_ascii<R: Read>(mut input: Input<R>, header: &Header, sink: &mut PointSink) -> Result<(), Error> {
     sink.reserve(header.points.min(input.remaining() / 6 + 1));
     let mut line = Vec::new();
     let mut done = 0;
@@ -215,7 +217,7 @@ fn read_ascii(mut input: Input, header: &Header, sink: &mut PointSink) -> Result
     Ok(())
 }
 
-fn read_binary(mut input: Input, header: &Header, sink: &mut PointSink) -> Result<(), Error> {
+fn read_binary<R: Read>(mut input: Input<R>, header: &Header, sink: &mut PointSink) -> Result<(), Error> {
     let holds = input.remaining() / header.record as u64;
     if holds < header.points {
         let place = format!("byte {}", input.len);
@@ -235,7 +237,7 @@ fn read_binary(mut input: Input, header: &Header, sink: &mut PointSink) -> Resul
 
 /// The body is two little-endian u32 (compressed size, size) and one LZF block that holds the fields one after the
 /// other, each for all points.
-fn read_compressed(mut input: Input, header: &Header, sink: &mut PointSink) -> Result<(), Error> {
+fn read_compressed<R: Read>(mut input: Input<R>, header: &Header, sink: &mut PointSink) -> Result<(), Error> {
     let start = input.taken;
     let mut sizes = [0; 8];
     if !input.fill(&mut sizes)? {
@@ -260,6 +262,12 @@ fn read_compressed(mut input: Input, header: &Header, sink: &mut PointSink) -> R
     }
     if len > lzf::largest_output(packed_len) {
         return Err(bad(format!("{packed_len} compressed bytes cannot hold the {len} bytes declared")));
+    }
+    if len > input.unpack_limit {
+        return Err(bad(format!(
+            "{len} bytes are declared, more than the {} allowed here",
+            input.unpack_limit
+        )));
     }
     let mut packed = vec![0; packed_len as usize];
     if !input.fill(&mut packed)? {

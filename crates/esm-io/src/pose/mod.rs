@@ -13,7 +13,7 @@ use crate::error::Error;
 use crate::input::{Input, tokens};
 
 pub use kitti::read_kitti_poses;
-pub(crate) use track::Track;
+pub use track::Track;
 pub use tum::{read_tum, write_tum};
 
 /// One pose of a trajectory with its time.
@@ -94,7 +94,7 @@ fn data_words(line: &[u8]) -> usize {
 }
 
 /// Nanoseconds as seconds; the nearest f64 for any time a clock shows.
-pub(crate) fn seconds(ns: i64) -> f64 {
+pub fn seconds(ns: i64) -> f64 {
     ns.div_euclid(1_000_000_000) as f64 + ns.rem_euclid(1_000_000_000) as f64 / 1e9
 }
 

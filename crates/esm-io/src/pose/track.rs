@@ -13,8 +13,19 @@ pub(crate) const MAX_GAP_NS: i64 = 2_000_000_000;
 pub(crate) const MAX_EXTRAPOLATION_NS: i64 = 100_000_000;
 
 /// Poses in order of time, oldest dropped beyond a limit.
+///
+/// ```
+/// use esm_core::Pose;
+/// use esm_io::Track;
+///
+/// let mut track = Track::new(100);
+/// track.push(0, Pose::translation(0.0, 0.0, 0.0));
+/// track.push(1_000_000_000, Pose::translation(2.0, 0.0, 0.0));
+/// assert_eq!(track.at(500_000_000).map(|p| p.translation.x), Some(1.0));
+/// assert!(track.at(5_000_000_000).is_none());
+/// ```
 #[derive(Clone, Debug)]
-pub(crate) struct Track {
+pub struct Track {
     samples: VecDeque<(i64, Pose)>,
     limit: usize,
     /// A sample was dropped because of the limit.
@@ -23,12 +34,12 @@ pub(crate) struct Track {
 
 impl Track {
     /// An empty track of at most `limit` samples.
-    pub(crate) fn new(limit: usize) -> Self {
+    pub fn new(limit: usize) -> Self {
         Self { samples: VecDeque::new(), limit: limit.max(2), overran: false }
     }
 
     /// Adds a sample; one at the same time replaces the older.
-    pub(crate) fn push(&mut self, stamp_ns: i64, pose: Pose) {
+    pub fn push(&mut self, stamp_ns: i64, pose: Pose) {
         let at = self.samples.partition_point(|s| s.0 < stamp_ns);
         match self.samples.get_mut(at) {
             Some(same) if same.0 == stamp_ns => same.1 = pose,
@@ -66,14 +77,14 @@ impl Track {
 
     /// Whether a sample at or after the time has come, so that waiting longer would not change the answer of
     /// [`at`](Self::at).
-    pub(crate) fn reaches(&self, stamp_ns: i64) -> bool {
+    pub fn reaches(&self, stamp_ns: i64) -> bool {
         // Before the first sample two of them are needed to carry the motion back.
         let (Some((first, last)), n) = (self.span(), self.samples.len()) else { return false };
         last >= stamp_ns && (first <= stamp_ns || n > 1)
     }
 
     /// Drops what is not needed for times at or after this one.
-    pub(crate) fn forget_before(&mut self, stamp_ns: i64) {
+    pub fn forget_before(&mut self, stamp_ns: i64) {
         // Two samples before it stay: they carry the motion on where nothing follows.
         while self.samples.get(2).is_some_and(|s| s.0 <= stamp_ns) {
             self.samples.pop_front();
@@ -81,13 +92,13 @@ impl Track {
     }
 
     /// First and last time, nanoseconds.
-    pub(crate) fn span(&self) -> Option<(i64, i64)> {
+    pub fn span(&self) -> Option<(i64, i64)> {
         Some((self.samples.front()?.0, self.samples.back()?.0))
     }
 
     /// The pose at a time: linear in position and angle between its neighbours, carried on at constant velocity for at
-    /// most [`MAX_EXTRAPOLATION_NS`] past the ends; `None` in gaps longer than [`MAX_GAP_NS`] and beyond.
-    pub(crate) fn at(&self, stamp_ns: i64) -> Option<Pose> {
+    /// most 0.1 s past the ends; `None` in gaps longer than 2 s and beyond.
+    pub fn at(&self, stamp_ns: i64) -> Option<Pose> {
         let after = self.samples.partition_point(|s| s.0 < stamp_ns);
         let neighbours = |i: usize| Some((self.samples.get(i.checked_sub(1)?)?, self.samples.get(i)?));
         match self.samples.get(after) {

@@ -1,9 +1,14 @@
 //! `sensor_msgs/msg/PointCloud2`.
 
+use std::path::Path;
+
 use esm_core::PointCloud;
 
 use super::cdr::{CdrReader, Header};
+use crate::cloud::Scan;
 use crate::cloud::sink::PointSink;
+use crate::error::Error;
+use crate::pose::seconds;
 use crate::scalar::{Scalar, XyzLayout};
 
 /// Most fields a cloud may declare.
@@ -17,6 +22,37 @@ pub(crate) struct RosCloud {
     pub(crate) dropped: usize,
     /// One a point, where they were asked for and the cloud has a field `object_id`.
     pub(crate) labels: Vec<PointLabel>,
+}
+
+/// A `sensor_msgs/msg/PointCloud2` that comes as bytes, over a network, instead of in a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CloudMessage {
+    /// `header.stamp`, nanoseconds.
+    pub stamp_ns: i64,
+    /// `header.frame_id`.
+    pub frame_id: String,
+    /// The points.
+    pub scan: Scan,
+}
+
+impl CloudMessage {
+    /// Decodes the message from CDR; `name` stands for it in messages.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] where it is cut short or contradicts itself.
+    pub fn from_cdr(message: &[u8], name: &str) -> Result<Self, Error> {
+        let RosCloud { header, cloud, dropped, .. } = decode(message, false).map_err(|what| {
+            let hint = "send one sensor_msgs/msg/PointCloud2 in CDR with its four bytes of encapsulation";
+            Error::malformed(Path::new(name), "PointCloud2", what, hint)
+        })?;
+        let scan = Scan { cloud, dropped };
+        Ok(Self { stamp_ns: header.stamp_ns, frame_id: header.frame_id, scan })
+    }
+
+    /// The time in seconds.
+    pub fn stamp(&self) -> f64 {
+        seconds(self.stamp_ns)
+    }
 }
 
 /// What a point was hit on, as simulators tell it.
