@@ -1,4 +1,5 @@
 //! Clouds of one robot, one after the other: what the odometry adds, and what it must not do.
+#![allow(clippy::unwrap_used)] // What a test makes is there.
 
 use std::sync::Arc;
 
