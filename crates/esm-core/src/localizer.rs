@@ -252,11 +252,6 @@ impl Localizer {
         Pose::translation(-o[0], -o[1], -o[2]) * pose_map_sensor
     }
 
-    /// Ground that the map covers, square metres.
-    pub(crate) fn mapped_area_m2(&self) -> f64 {
-        self.surroundings.area_m2()
-    }
-
     /// The configuration in use.
     pub(crate) fn config(&self) -> &Config {
         &self.config

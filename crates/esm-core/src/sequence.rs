@@ -1,11 +1,11 @@
 //! [`SequenceLocalizer`]: cloud after cloud of one robot, held together by its odometry.
 //!
 //! Every cloud is looked for in the whole map, as by [`Localizer`]. The odometry adds two things: where a place that was
-//! believed before must be by now is verified too, and places of several clouds that agree with the motion in between
-//! make each other more likely. A belief is a place with the chance that it is a false one; the chance falls when a
-//! later cloud agrees and rises while none does.
+//! believed before must be by now is verified too, and of places that look alike those stay that agree with the motion.
+//! A belief is a place with the chance that it is a false one. Only a cloud that would do by itself starts one or lowers
+//! the chance: what resembles the map a little does so for many clouds on end. While later clouds say less, or nothing,
+//! the chance rises with the travel.
 
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -38,7 +38,7 @@ pub struct SequenceConfig {
     pub reach_m: f64,
     /// And when it is turned by no more than this, degrees.
     pub reach_deg: f64,
-    /// Travel over which a belief that no cloud confirms becomes ten times less likely, metres.
+    /// Travel over which the chance that a belief is false grows tenfold while no cloud confirms it, metres.
     pub doubt_m: f64,
 }
 
@@ -93,8 +93,6 @@ struct Belief {
     chance: f64,
     /// Travel at the last cloud that confirmed it.
     confirmed_m: f64,
-    /// Travel at the last cloud that counted as evidence of its own.
-    counted_m: f64,
     /// Its place in the cloud at hand.
     place: Option<usize>,
 }
@@ -129,7 +127,7 @@ impl SequenceLocalizer {
         let step_m = self.advance(&pose_odom_sensor);
         let expected: Vec<Pose> = self.beliefs.iter().map(|b| b.pose_map_odom * pose_odom_sensor).collect();
         let look = self.localizer.look(live, &expected)?;
-        self.weigh(&look, live, &pose_odom_sensor, step_m);
+        self.weigh(&look, &pose_odom_sensor, step_m);
         let judged = self.judge(&look);
         Ok(self.localizer.answer(live, look, judged))
     }
@@ -149,12 +147,15 @@ impl SequenceLocalizer {
     }
 
     /// Takes the places of a cloud as evidence for and against what is believed.
-    fn weigh(&mut self, look: &Look, live: &LiveCloud, pose_odom_sensor: &Pose, step_m: f64) {
+    fn weigh(&mut self, look: &Look, pose_odom_sensor: &Pose, step_m: f64) {
         let config = self.localizer.config();
         let c = &config.sequence;
-        // Clouds that share sweeps with the last one counted say little new.
-        let fresh_m = live.travel_m.max(2.0);
         let chances: Vec<f64> = (0..look.places.len()).map(|i| self.chance(look, i)).collect();
+        // Whether a place's points and matches alone would do, rivals or not.
+        let is_strong = |i: usize| {
+            let place = &look.places[i];
+            chances[i] < 1.0 && 1000.0 * place.chance_false() <= config.verify.max_false_per_thousand
+        };
         let mut taken = vec![false; look.places.len()];
         self.beliefs.sort_by(|a, b| a.chance.total_cmp(&b.chance));
         for belief in &mut self.beliefs {
@@ -170,30 +171,25 @@ impl SequenceLocalizer {
                     && (pose.translation.vector - expected.translation.vector).norm() <= reach_m
                     && pose.rotation.angle_to(&expected.rotation) <= c.reach_deg.to_radians()
             });
-            let Some(i) = belief.place else {
+            let confirmed = belief.place.filter(|i| is_strong(*i));
+            if let Some(i) = belief.place {
+                taken[i] = true;
+            }
+            let Some(i) = confirmed else {
                 belief.chance *= 10f64.powf(step_m / c.doubt_m);
                 continue;
             };
-            taken[i] = true;
-            // What has a rival here says nothing new: the rival agrees with the motion as well.
-            if self.travel_m - belief.counted_m >= fresh_m && chances[i] < RIVALLED {
-                // A false place would have to lie within reach of the expected one by chance.
-                let share = self.localizer.share_within(reach_m, c.reach_deg.to_radians());
-                belief.chance *= (chances[i] * share).min(1.0);
-                belief.counted_m = self.travel_m;
-            }
             belief.chance = belief.chance.min(chances[i]).max(LEAST_CHANCE);
             let pose = self.localizer.to_map_frame(&look.places[i].pose_map_sensor);
             belief.pose_map_odom = pose * pose_odom_sensor.inverse();
             belief.confirmed_m = self.travel_m;
         }
-        for (i, place) in look.places.iter().enumerate().filter(|(i, _)| !taken[*i]) {
+        for (i, place) in look.places.iter().enumerate().filter(|(i, _)| !taken[*i] && is_strong(*i)) {
             let pose = self.localizer.to_map_frame(&place.pose_map_sensor);
             self.beliefs.push(Belief {
                 pose_map_odom: pose * pose_odom_sensor.inverse(),
                 chance: chances[i],
                 confirmed_m: self.travel_m,
-                counted_m: self.travel_m,
                 place: Some(i),
             });
         }
@@ -218,7 +214,15 @@ impl SequenceLocalizer {
         let verify = &self.localizer.config().verify;
         let alone = || judge(&look.places, verify);
         let Some(best) = self.beliefs.first() else { return alone() };
-        let Some(meant) = best.place else { return alone().disbelieved("it contradicts the motion") };
+        let Some(meant) = best.place else {
+            let alone = alone();
+            return match alone.verdict {
+                Verdict::NotFound => alone,
+                _ => {
+                    alone.disbelieved("the place contradicts the motion since the last one that was believed")
+                }
+            };
+        };
         if 1000.0 * best.chance > verify.max_false_per_thousand {
             return alone();
         }
@@ -246,13 +250,5 @@ impl SequenceLocalizer {
             covariance: covariance(meant, places),
             runner_up,
         }
-    }
-}
-
-impl Localizer {
-    /// Share of all poses in the map that lie within a distance and an angle of a given one.
-    fn share_within(&self, reach_m: f64, reach_rad: f64) -> f64 {
-        let area = PI * reach_m * reach_m;
-        ((area / self.mapped_area_m2().max(area)) * (reach_rad / PI)).min(1.0)
     }
 }

@@ -47,11 +47,6 @@ impl Surroundings {
         Self { map, runs, reach_tiles, cache: Mutex::default() }
     }
 
-    /// Ground that the map covers, square metres.
-    pub fn area_m2(&self) -> f64 {
-        self.runs.len() as f64 * f64::from(TILE_M).powi(2)
-    }
-
     /// The surface around a place (metres, relative to the map's origin).
     ///
     /// # Errors
