@@ -155,7 +155,7 @@ impl Localization {
         self.inner.score
     }
 
-    /// Share of the live points above the ground, where the map has been seen, that lie on what stands there in the map.
+    /// Share of the live points above the ground, where the map has been seen, that lie on what stands there.
     #[getter]
     fn overlap(&self) -> f64 {
         self.inner.overlap

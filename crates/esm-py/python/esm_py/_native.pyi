@@ -892,7 +892,7 @@ class Localization:
 
     @property
     def overlap(self) -> float:
-        """Share of the live points above the ground, where the map has been seen, that lie on what stands there in the map."""
+        """Share of the live points above the ground, where the map has been seen, that lie on what stands there."""
 
     @property
     def seen(self) -> float:
