@@ -55,6 +55,7 @@ __all__ = [
     "Segment",
     "SegmentSetWriter",
     "Segmentation",
+    "SequenceLocalizer",
     "Standardizer",
     "Summary",
     "Surveyor",
