@@ -2,7 +2,7 @@
 # Everything from nothing: the worlds, the labelled segments, the networks, the weights in ../../weights and their golden
 # activations:
 #   python/train/train.sh
-# Hours on two cores; it has not been timed from nothing yet. What was interrupted goes on when it is called again.
+# Worlds and segments take some hours on two cores, the networks two more. What was interrupted goes on when it is called again.
 set -euo pipefail
 cd "$(dirname "$0")"
 if [[ -z ${ESM_CLI:-} ]]; then
