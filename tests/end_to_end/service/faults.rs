@@ -309,7 +309,15 @@ fn every_fault_has_its_answer_and_harms_nobody() {
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
     let metrics = Request::get("/metrics").header("authorization", &format!("Bearer {TOKEN}"));
-    let metrics = service.send(&metrics).good().text();
+    // The service learns a little later than we that a connection has ended.
+    let patience = Instant::now();
+    let metrics = loop {
+        let metrics = service.send(&metrics).good().text();
+        if metrics.contains("esm_connections 1\n") || patience.elapsed() > Duration::from_secs(10) {
+            break metrics;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
     assert!(
         metrics.contains("status=\"5xx\"} 0\n") && !metrics.contains("route=\"other\",status=\"5xx\"} 1"),
         "{metrics}"
