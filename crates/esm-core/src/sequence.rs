@@ -115,7 +115,8 @@ impl SequenceLocalizer {
 
     /// Finds the cloud in the map, as [`Localizer::localize`] does, in the light of those before it.
     ///
-    /// A cloud without motion stands for itself, and what was believed is forgotten; so it is after a step longer than `accumulate.max_step_m`, or twice the clouds' length.
+    /// A cloud without motion stands for itself, and what was believed is forgotten; so it is after a step longer than
+    /// `accumulate.max_step_m`, or twice the clouds' length.
     ///
     /// # Errors
     /// As [`Localizer::localize`].
