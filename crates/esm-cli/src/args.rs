@@ -135,8 +135,8 @@ pub struct LocalizeArgs {
     /// The map to search
     #[arg(short, long, value_name = "MAP.esm", value_hint = ValueHint::FilePath)]
     pub map: PathBuf,
-    /// Every cloud for itself: no motion prior, no result or descriptor kept from earlier clouds. Without it, clouds that
-    /// agree with the odometry between them make each other more likely
+    /// Every cloud for itself: no motion prior, no result or descriptor kept from earlier clouds. Without it, a
+    /// place that was believed is followed by the odometry
     #[arg(long)]
     pub single: bool,
     /// Where the sensor truly was, in the map frame: a TUM file, or an .mcap with odometry

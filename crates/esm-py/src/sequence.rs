@@ -12,8 +12,9 @@ use crate::work::run;
 
 /// Localizes the clouds of one robot in the order they were taken.
 ///
-/// Every cloud is looked for in the whole map; where its places agree with those of earlier clouds and the odometry in
-/// between, they make each other more likely. This is what `esm-cli localize` does without `--single`.
+/// Every cloud is looked for in the whole map; where a believed place must be by now, by the odometry, is verified too, and
+/// of places that look alike the one that agrees with the motion stays. This is what `esm-cli localize` does without
+/// `--single`.
 #[pyclass(frozen, module = "esm_py")]
 pub(crate) struct SequenceLocalizer {
     inner: Arc<Mutex<core::SequenceLocalizer>>,

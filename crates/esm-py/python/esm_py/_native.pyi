@@ -939,8 +939,9 @@ class MatchedSegment:
 class SequenceLocalizer:
     """Localizes the clouds of one robot in the order they were taken.
 
-    Every cloud is looked for in the whole map; where its places agree with those of earlier clouds and the odometry in
-    between, they make each other more likely. This is what `esm-cli localize` does without `--single`.
+    Every cloud is looked for in the whole map; where a believed place must be by now, by the odometry, is verified too, and
+    of places that look alike the one that agrees with the motion stays. This is what `esm-cli localize` does without
+    `--single`.
     """
 
     def __new__(cls, localizer: Localizer, *, threads: int | None = None) -> Self: ...
