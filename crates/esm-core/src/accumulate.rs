@@ -161,6 +161,11 @@ impl Accumulator {
         Ok(Self { config, kept: VecDeque::new() })
     }
 
+    /// Forgets all sweeps: after a gap, or when the sensor was carried elsewhere.
+    pub fn clear(&mut self) {
+        self.kept.clear();
+    }
+
     /// Takes the next sweep (points in the sensor frame) and gives the live cloud that ends with it; with `swathes`
     /// only once every `distance_m`.
     ///
