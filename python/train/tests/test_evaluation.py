@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esm_train.balance import balance
+from esm_train.describers import Core, PyTorch
 from esm_train.errors import TrainError
 from esm_train.evaluate import Evaluation, baseline_descriptors, evaluate, standardised, table
 from esm_train.metrics import nearest_in_map, reliability, roc
@@ -20,6 +23,7 @@ from esm_train.quality import distance_thresholds, train_quality
 from esm_train.run import random_network
 from esm_train.synthetic import write_synthetic
 from esm_train.validation import Validation, open_sides
+from esm_train.weights import load_network
 
 
 @settings(max_examples=50, deadline=None)
@@ -136,7 +140,7 @@ def test_evaluation_from_end_to_end(sets: dict[str, str], tmp_path: Path) -> Non
     sides = open_sides((sets["map"],), (sets["live"],), "test")
     torch.manual_seed(0)
     model, head = random_network(tiny_plan())
-    report = evaluate([("tiny", model, head)], sides, tmp_path, torch.device("cpu"))
+    report = evaluate([PyTorch("tiny", model, head, torch.device("cpu"))], sides, tmp_path)
     names = list(report["descriptors"])
     assert names == ["eigen", "sizes", "shape", "tiny"]
     # Fifty objects: sizes alone are far better than the chance of one half at 25 of 50.
@@ -148,6 +152,30 @@ def test_evaluation_from_end_to_end(sets: dict[str, str], tmp_path: Path) -> Non
     for picture in ("roc", "recall", "reliability", "embedding-tiny"):
         assert (tmp_path / f"{picture}.png").read_bytes().startswith(b"\x89PNG")
     assert table(report).count("\n") == 7
+
+
+def test_the_core_judges_as_pytorch_does(sets: dict[str, str], tmp_path: Path) -> None:
+    """The same weights in both engines: descriptors differ by the random draw of 256 points only."""
+    if importlib.util.find_spec("esm_py") is None:
+        if os.environ.get("CI") == "true":
+            pytest.fail("esm_py must be installed: uv sync --group core")
+        pytest.skip("esm_py is not installed")
+    sides = open_sides((sets["map"],), (sets["live"],), "test")
+    weights = Path(__file__).parents[3] / "weights" / "esm-swift.safetensors"
+    model, head, _ = load_network(weights)
+    ours, cores = PyTorch("esm-swift", model, head, torch.device("cpu")), Core("core", weights)
+    few = np.flatnonzero(sides.map.counts <= 256)[:20]
+    assert len(few) > 3
+    same, quality = ours(sides.map, few)
+    values, probability = cores(sides.map, few)
+    assert values.shape == same.shape and values.dtype == same.dtype
+    spread = np.linalg.norm(same - same.mean(axis=0), axis=1).mean()
+    assert np.linalg.norm(values - same, axis=1).mean() < 0.3 * spread
+    np.testing.assert_allclose(probability, quality, atol=0.25)
+    report = evaluate([ours, cores], sides, tmp_path)["descriptors"]
+    assert abs(report["esm-swift"]["auc_random"] - report["core"]["auc_random"]) < 0.05
+    with pytest.raises(TrainError, match="no-such"):
+        Core("none", tmp_path / "no-such.safetensors")
 
 
 def test_baselines_are_standardised_by_the_map(sets: dict[str, str]) -> None:

@@ -10,6 +10,7 @@ import signal
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from torch.multiprocessing.spawn import start_processes
@@ -17,10 +18,13 @@ from torch.multiprocessing.spawn import start_processes
 from esm_train.checkpoint import load_checkpoint
 from esm_train.config import Config, NetworkConfig, OptimConfig, ValidationConfig
 from esm_train.errors import TrainError
-from esm_train.inputs import TrainingBatches
+from esm_train.inputs import TrainingBatches, inference_inputs
+from esm_train.model import EsmNet
 from esm_train.plan import tiny_plan
+from esm_train.start import trainable
 from esm_train.trainer import Rank, Trainer, learning_rate, process_group
-from esm_train.validation import converged
+from esm_train.validation import converged, open_corpus
+from esm_train.weights import load_network
 
 ALONE = Rank(0, 1, 0)
 Make = Callable[..., Config]
@@ -114,6 +118,25 @@ def test_weights_of_one_variant_start_another(config: Make, monkeypatch: pytest.
     assert torch.equal(second.model.fc3_weight, first.model.fc3_weight)
     assert second.model.plan.points == (32, 32, 32, 32)
     assert float(second.model.fc1_size_weight.detach().abs().max()) == 0.0
+
+
+def test_a_weights_file_starts_a_training(sets: dict[str, str]) -> None:
+    """Its network answers as before, and the batch norms see in training what they are normalised for."""
+    weights = Path(__file__).parents[3] / "weights" / "esm-paper.safetensors"
+    corpus = open_corpus((sets["train"],), "test")
+    rows = np.arange(0, len(corpus), 2)
+    before, _, _ = load_network(weights)
+    after = EsmNet(before.plan)
+    after.load_state_dict(trainable(weights, corpus, rows))
+    inputs = inference_inputs(corpus, rows, before.plan)
+    want = before(inputs.points, inputs.neighbours, inputs.measures)
+    torch.testing.assert_close(
+        after.eval()(inputs.points, inputs.neighbours, inputs.measures), want, atol=1e-4, rtol=1e-4
+    )
+    after.dropout.p = 0.0
+    after.train()
+    seen = after(inputs.points, inputs.neighbours, inputs.measures)
+    torch.testing.assert_close(seen, want, atol=1e-3, rtol=1e-3)
 
 
 @pytest.mark.usefixtures("tiny")

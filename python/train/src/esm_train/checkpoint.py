@@ -88,19 +88,6 @@ def model_of(state: dict[str, Any]) -> EsmNet:
     return model
 
 
-def start_from(model: EsmNet, file: Path) -> tuple[list[str], list[str]]:
-    """Loads the weights of equal name and shape; the sizes' mean and deviation stay. Returns (taken, left)."""
-    other = load_checkpoint(file)["model"]
-    own = model.state_dict()
-    fixed = ("measures_mean", "measures_std")
-    taken = [n for n, t in own.items() if n not in fixed and n in other and other[n].shape == t.shape]
-    model.load_state_dict({n: other[n] for n in taken}, strict=False)
-    left = [n for n in own if n not in taken and n not in fixed]
-    if not any(n.startswith("xconv") for n in taken):
-        raise TrainError(f"{file}: none of its X-conv weights fit this network")
-    return taken, left
-
-
 def quality_state(head: QualityHead, facts: dict[str, float]) -> dict[str, Any]:
     """What `quality.pt` holds."""
     return {"head": head.state_dict(), "temperature": head.temperature, "facts": facts}

@@ -12,7 +12,6 @@ from esm_train.errors import TrainError
 
 if TYPE_CHECKING:
     from esm_train.config import Config
-    from esm_train.model import EsmNet, QualityHead
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -69,6 +68,12 @@ def _parser() -> argparse.ArgumentParser:
     judge.add_argument("--live", action="append", required=True, help="segments of the query; DIR@1: visit 1 of DIR")
     judge.add_argument("--truth", choices=("auto", "object", "position"), default="auto")
     judge.add_argument("--radius", type=float, default=0.7, help="metres between counterparts, by position")
+    judge.add_argument(
+        "--engine",
+        choices=("pytorch", "core"),
+        default="pytorch",
+        help="core: as robots run it, and faster on a CPU (uv run --group core)",
+    )
     judge.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     judge.add_argument("--seed", type=int, default=0)
     judge.add_argument("--json", action="store_true")
@@ -174,18 +179,21 @@ def _init(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
+    from esm_train.describers import Core, Describer, PyTorch
     from esm_train.evaluate import evaluate, table
     from esm_train.trainer import device_of
     from esm_train.validation import open_sides
     from esm_train.weights import load_network
 
     sides = open_sides(tuple(options.map), tuple(options.live), "evaluate", options.truth, options.radius)
-    networks: list[tuple[str, EsmNet, QualityHead]] = []
+    describers: list[Describer] = []
     for file in options.weights:
         model, head, metadata = load_network(file)
-        name = metadata["variant"]
-        networks.append((file.stem if any(n == name for n, _, _ in networks) else name, model, head))
-    report = evaluate(networks, sides, options.output, device_of(options.device), options.seed)
+        taken = any(d.name == metadata["variant"] for d in describers)
+        name = file.stem if taken else metadata["variant"]
+        core = options.engine == "core"
+        describers.append(Core(name, file) if core else PyTorch(name, model, head, device_of(options.device)))
+    report = evaluate(describers, sides, options.output, options.seed)
     print(json.dumps(report) if options.json else table(report))
     return 0
 

@@ -63,7 +63,7 @@ class NetworkConfig:
     """Factor on the first weights of the last layer: 0.1 starts distances near the margin 0.01, 0.5 near 1."""
     dropout: float = 0.5
     init_from: str = ""
-    """A checkpoint whose weights of equal shape are the start; empty starts from random ones."""
+    """A checkpoint or a weights file (`.safetensors`) whose weights of equal shape are the start; empty: random."""
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from esm_train.checkpoint import atomically
 from esm_train.corpus import Corpus
+from esm_train.describers import Describer
 from esm_train.errors import TrainError
-from esm_train.inputs import describe
 from esm_train.metrics import (
     F32,
     F64,
@@ -31,7 +31,6 @@ from esm_train.metrics import (
     reliability,
     roc,
 )
-from esm_train.model import EsmNet, QualityHead
 from esm_train.plots import plot_embedding, plot_recall, plot_reliability, plot_roc
 from esm_train.sizes import LENGTH_FLOOR_M, eigen_features
 
@@ -113,10 +112,8 @@ def _without_worst_third(scores: dict[str, F64], joint: dict[str, F64], negative
     return roc(scores["positive"][joint["positive"] >= least], scores[negatives][joint[negatives] >= least])
 
 
-def evaluate(
-    networks: list[tuple[str, EsmNet, QualityHead]], sides: Sides, out: Path, device: torch.device, seed: int = 0
-) -> dict[str, Any]:
-    """Judges the networks and the baselines; writes `report.json` and the pictures into `out`."""
+def evaluate(describers: Sequence[Describer], sides: Sides, out: Path, seed: int = 0) -> dict[str, Any]:
+    """Judges them and the baselines; writes `report.json` and the pictures into `out`."""
     evaluation = Evaluation(sides, seed)
     judgements: list[Judgement] = []
     live_base = baseline_descriptors(sides.live, sides.live_rows)
@@ -124,16 +121,11 @@ def evaluate(
     for name in live_base:
         judgements.append(evaluation.judge(name, *standardised(live_base[name], map_base[name])))
     out.mkdir(parents=True, exist_ok=True)
-    for name, model, head in networks:
-        model.to(device)
-        live = describe(model, sides.live, sides.live_rows, device)
-        mapped = describe(model, sides.map, sides.map_rows, device)
-        with torch.no_grad():
-            quality = (
-                head.probability(torch.from_numpy(live)).numpy().astype(np.float64),
-                head.probability(torch.from_numpy(mapped)).numpy().astype(np.float64),
-            )
-        judgements.append(evaluation.judge(name, live, mapped, quality))
+    for describer in describers:
+        live, live_quality = describer(sides.live, sides.live_rows)
+        mapped, map_quality = describer(sides.map, sides.map_rows)
+        name = describer.name
+        judgements.append(evaluation.judge(name, live, mapped, (live_quality, map_quality)))
         plot_embedding(mapped, sides.map, sides.map_rows, f"{name}: map segments", out / f"embedding-{name}.png")
     plot_roc(judgements, out / "roc.png")
     plot_recall(judgements, out / "recall.png")

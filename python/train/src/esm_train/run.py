@@ -13,6 +13,7 @@ import torch
 from esm_train import balance
 from esm_train.checkpoint import load_checkpoint, model_of, save_checkpoint
 from esm_train.config import Config
+from esm_train.describers import PyTorch
 from esm_train.evaluate import evaluate, table
 from esm_train.head import train_head
 from esm_train.inputs import describe
@@ -112,7 +113,8 @@ def run(config: Config, resume: bool) -> bool:
     model, quality, metadata = load_network(Path(report["weights"]))
     sides = open_sides(config.validation.map, config.validation.live, "validation")
     out = Path(config.run.out) / "evaluation"
-    print(table(evaluate([(metadata["variant"], model, quality)], sides, out, device_of(config.run.device))))
+    describer = PyTorch(metadata["variant"], model, quality, device_of(config.run.device))
+    print(table(evaluate([describer], sides, out)))
     return True
 
 

@@ -25,7 +25,7 @@ from torch.utils.data import DataLoader
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
-from esm_train.checkpoint import atomically, load_checkpoint, save_checkpoint, start_from
+from esm_train.checkpoint import atomically, load_checkpoint, save_checkpoint
 from esm_train.config import Config
 from esm_train.corpus import BatchSampler, Corpus
 from esm_train.curves import plot_curves
@@ -35,6 +35,7 @@ from esm_train.losses import Loss, parted_loss
 from esm_train.model import DESCRIPTOR_GAIN, EsmNet, parameter_groups
 from esm_train.plan import BN_MOMENTUM, Plan
 from esm_train.sizes import measures
+from esm_train.start import ROWS, start_from
 from esm_train.validation import Validation, converged, open_corpus, open_sides
 
 
@@ -155,7 +156,8 @@ class Trainer:
         with torch.no_grad():
             self.model.fc3_weight.mul_(self.config.network.gain / DESCRIPTOR_GAIN)
         if self.config.network.init_from:
-            taken, left = start_from(self.model, Path(self.config.network.init_from))
+            some = np.random.default_rng([self.config.run.seed, 3]).permutation(len(self.corpus))[:ROWS]
+            taken, left = start_from(self.model, Path(self.config.network.init_from), self.corpus, np.sort(some))
             self._say(f"{len(taken)} tensors from {self.config.network.init_from}; anew: {', '.join(left) or 'none'}")
 
     def _resumed(self) -> dict[str, Any]:
