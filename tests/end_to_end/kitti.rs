@@ -108,6 +108,10 @@ fn what_is_far_from_the_map_is_not_found_in_it() {
     assert_eq!(summary["false"], 0, "{summary}");
 }
 
+/// Closures that the recording's own poses cannot judge, since its passes of one crossing disagree by 2.3 m, and where small_gicp
+/// puts them, from either start: `uv run python/eval/loop_truth.py ../shared/data/kitti00/map.mcap 216 550`.
+const DRIFTED: [([u64; 2], [f64; 3]); 1] = [([216, 550], [-0.18, 7.95, 0.10])];
+
 #[test]
 fn loops_inside_the_recording_are_found() {
     let Some(recording) = shared("kitti00/map.mcap") else { return };
@@ -117,7 +121,15 @@ fn loops_inside_the_recording_are_found() {
     let closures = &lines[..lines.len() - 1];
     for closure in closures {
         let error = |key: &str| closure[key].as_f64().unwrap();
-        assert!(error("error_m") <= 2.0 && error("error_deg") <= 5.0, "{closure}");
+        let frames = [&closure["frame_from"], &closure["frame_to"]].map(|f| f.as_u64().unwrap());
+        let error_m = match DRIFTED.iter().find(|(known, _)| *known == frames) {
+            Some((_, want)) => {
+                let at = &closure["pose_from_to"]["t"];
+                (0..3).map(|a| (at[a].as_f64().unwrap() - want[a]).powi(2)).sum::<f64>().sqrt()
+            }
+            None => error("error_m"),
+        };
+        assert!(error_m <= 2.0 && error("error_deg") <= 5.0, "{closure}");
     }
     let closed: Vec<u64> = closures.iter().filter_map(|l| l["frame_to"].as_u64()).collect();
     let re_entries: Vec<u64> = (619..=654).chain(988..=1003).collect();

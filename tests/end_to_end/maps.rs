@@ -14,7 +14,8 @@ fn a_map_tells_what_it_holds() {
         " of ground, ",
         " of structure",
         "map.mcap",
-        "shape (version 1, 13 numbers)",
+        "esm-swift (version ",
+        ", 24 numbers)",
         "path of 3",
         "checked            every byte",
     ] {
@@ -22,7 +23,7 @@ fn a_map_tells_what_it_holds() {
     }
     let info: Value =
         serde_json::from_str(&esm!["map", "info", "--json", town.path("map.esm")].ended(0).stdout).unwrap();
-    assert_eq!(info["descriptor"]["name"], "shape");
+    assert_eq!(info["descriptor"]["name"], "esm-swift");
     assert_eq!(info["bytes"].as_u64().unwrap(), fs::metadata(town.path("map.esm")).unwrap().len());
     assert!(info["structure_tiles"].as_u64().unwrap() > 0, "{info}");
     assert!(!text.contains("[segment]"));
@@ -97,6 +98,7 @@ fn what_is_no_whole_map_is_refused() {
 #[test]
 fn a_map_of_another_descriptor_is_refused() {
     let town = &*TOWN;
-    esm!["localize", "--descriptor", "eigen", "--map", town.path("map.esm"), town.path("live.mcap")]
-        .failed(&["map.esm: the map holds 'shape ", "eigen", "hint: use --descriptor shape, or rebuild"]);
+    esm!["localize", "--descriptor", "eigen", "--map", town.path("map.esm"), town.path("live.mcap")].failed(
+        &["map.esm: the map holds 'esm-swift ", "eigen", "hint: use --descriptor esm-swift, or rebuild"],
+    );
 }

@@ -87,6 +87,10 @@ const MEANINGS: &[(&str, &str)] = &[
         "Live segments less likely than this to be good for matching are left out, 0 to 1.",
     ),
     ("match.max_distance", "Candidates farther than this in descriptor space are dropped; 0 keeps all."),
+    (
+        "match.max_false_positive_rate",
+        "The same by the distance that this share of the pairs of different objects keeps under: 0.1 or 0.2 with a network; 0 keeps all.",
+    ),
     ("pose", "From candidate matches to places."),
     (
         "pose.method",

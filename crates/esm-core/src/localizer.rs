@@ -61,7 +61,15 @@ impl Localizer {
         let index = Index::new(map.descriptors(), descriptor.dim(), config.matching.search);
         let surroundings = Surroundings::new(Arc::clone(&map), config.accumulate.max_range_m);
         let shifts = Shifts::new(&map);
-        Ok(Self { map, descriptor, index, surroundings, shifts, config: config.clone() })
+        let matching = config.matching.of(&*descriptor)?;
+        Ok(Self {
+            map,
+            descriptor,
+            index,
+            surroundings,
+            shifts,
+            config: Config { matching, ..config.clone() },
+        })
     }
 
     /// The map in use.

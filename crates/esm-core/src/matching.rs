@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::describe::Descriptions;
+use crate::describe::{Descriptions, Descriptor};
 use crate::error::{Error, require};
 use crate::estimate::{Candidate, Pair, sort_by_quality};
 use crate::index::{Index, Search};
@@ -25,11 +25,21 @@ pub struct MatchConfig {
     pub min_quality: f64,
     /// Candidates farther than this in descriptor space (L2) are dropped; 0 keeps all.
     pub max_distance: f64,
+    /// The same by the descriptor's own ROC: the distance under which this share of the pairs of different objects
+    /// falls; 0 keeps all. (The paper: 0.1 in towns, 0.2 in woods; networks bring these two.)
+    pub max_false_positive_rate: f64,
 }
 
 impl Default for MatchConfig {
     fn default() -> Self {
-        Self { k: 0, max_candidates: 5000, search: Search::Auto, min_quality: 0.0, max_distance: 0.0 }
+        Self {
+            k: 0,
+            max_candidates: 5000,
+            search: Search::Auto,
+            min_quality: 0.0,
+            max_distance: 0.0,
+            max_false_positive_rate: 0.0,
+        }
     }
 }
 
@@ -47,7 +57,25 @@ impl MatchConfig {
             "100 to 1000000",
         )?;
         require((0.0..=1.0).contains(&self.min_quality), "match.min_quality", self.min_quality, "0 to 1")?;
-        require(self.max_distance >= 0.0, "match.max_distance", self.max_distance, "0 or more")
+        require(self.max_distance >= 0.0, "match.max_distance", self.max_distance, "0 or more")?;
+        let rate = self.max_false_positive_rate;
+        require((0.0..1.0).contains(&rate), "match.max_false_positive_rate", rate, "0 to 1")
+    }
+
+    /// With the distance that `max_false_positive_rate` stands for, of the two limits the stricter one.
+    ///
+    /// # Errors
+    /// [`Error::Config`] where the descriptor's ROC was not measured at that rate.
+    pub fn of(&self, descriptor: &dyn Descriptor) -> Result<Self, Error> {
+        let rate = self.max_false_positive_rate;
+        if rate == 0.0 {
+            return Ok(self.clone());
+        }
+        let at_rate = descriptor.distance_at_rate(rate);
+        require(at_rate.is_some(), "match.max_false_positive_rate", rate, "0, or with a network 0.1 or 0.2")?;
+        let limits = [self.max_distance, at_rate.unwrap_or_default()];
+        let strictest = limits.into_iter().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
+        Ok(Self { max_distance: strictest, ..self.clone() })
     }
 }
 
@@ -89,4 +117,29 @@ pub fn candidates(
     }
     sort_by_quality(&mut all);
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::describe::by_name;
+
+    #[test]
+    fn a_rate_is_a_distance_that_the_weights_bring() {
+        let network = by_name("esm-swift").unwrap();
+        let config = |rate, max_distance| MatchConfig {
+            max_false_positive_rate: rate,
+            max_distance,
+            ..Default::default()
+        };
+        assert_eq!(config(0.0, 0.0).of(&*network).unwrap().max_distance, 0.0);
+        let [urban, forest] = [0.1, 0.2].map(|rate| config(rate, 0.0).of(&*network).unwrap().max_distance);
+        assert!(0.0 < urban && urban < forest, "{urban} {forest}");
+        assert_eq!(config(0.1, urban / 2.0).of(&*network).unwrap().max_distance, urban / 2.0);
+        assert_eq!(config(0.1, urban * 2.0).of(&*network).unwrap().max_distance, urban);
+        for (rate, name) in [(0.15, "esm-swift"), (0.1, "shape")] {
+            let refused = config(rate, 0.0).of(&*by_name(name).unwrap()).unwrap_err();
+            assert!(refused.to_string().contains("match.max_false_positive_rate"), "{refused}");
+        }
+    }
 }

@@ -269,7 +269,7 @@ fn guarded(dir: &Path, more: &[&str]) -> (Service, PathBuf) {
     std::fs::write(&token, format!("{TOKEN}\n")).unwrap();
     let map = format!("town={}", town.display());
     let token = token.display().to_string();
-    let flags = ["--map", &map, "--token-file", &token, "--descriptor", "shape", "--max-body-mb", "4"];
+    let flags = ["--map", &map, "--token-file", &token, "--descriptor", "esm-swift", "--max-body-mb", "4"];
     let limits = ["--max-held-mb", "64", "--timeout", "2"];
     (Service::start(flags.iter().chain(&limits).chain(more)), town)
 }

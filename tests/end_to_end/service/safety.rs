@@ -50,7 +50,7 @@ fn what_cannot_be_started_is_refused_with_a_hint() {
     esm!["serve", "--map", map, "--listen", "nowhere"].failed(&["--listen nowhere", "127.0.0.1:8080"]);
     esm!["serve", "--map", map, "--timeout", "0"].failed(&["--timeout 0"]);
     esm!["serve", "--map", map, "--workers", "0"].failed(&["cannot be 0"]);
-    esm!["serve", "--map", map, "--descriptor", "eigen"].failed(&["'shape", "asked for 'eigen"]);
+    esm!["serve", "--map", map, "--descriptor", "eigen"].failed(&["'esm-swift", "asked for 'eigen"]);
     esm!["serve", "--map", map, "--tls-cert", short, "--tls-key", short].failed(&["BEGIN CERTIFICATE"]);
     esm!["serve", "--map", map, "--map-root", short.join("x")].failed(&["name an existing folder"]);
     let taken = Service::town();

@@ -47,7 +47,12 @@ fn maps_are_swapped_under_load_without_a_dropped_request() {
             });
         }
         let swap = |file: &Path| service.send(&Request::put_map("town", file));
-        for round in 0..2 * ROUNDS {
+        // On a slow machine more swaps than asked for, until both maps have answered.
+        let enough = || answers.iter().all(|n| n.load(Ordering::Relaxed) > 10);
+        for round in 0.. {
+            if round >= 2 * ROUNDS && (enough() || round >= 50 * ROUNDS) {
+                break;
+            }
             std::thread::sleep(Duration::from_millis(60));
             swap(if round % 2 == 0 { &b } else { &a }).good();
             swap(&bad).refused(422);

@@ -38,6 +38,12 @@ pub trait Descriptor: Send + Sync {
     fn standardized(&self) -> bool {
         false
     }
+    /// L2 distance under which that share of the pairs of different objects falls, where the descriptor's ROC was
+    /// measured there (networks: at 0.1 and 0.2, paper section IV).
+    fn distance_at_rate(&self, false_positive_rate: f64) -> Option<f64> {
+        let _ = false_positive_rate;
+        None
+    }
     /// Describes a batch.
     fn describe(&self, segments: &[Segment]) -> Descriptions;
 }
@@ -51,7 +57,7 @@ pub use shape::Shape;
 pub use xconv::XConv;
 
 /// The descriptors by name, the default first.
-pub const NAMES: [&str; 5] = ["shape", "eigen", "esm-paper", "esm", "esm-swift"];
+pub const NAMES: [&str; 5] = ["esm-swift", "esm", "esm-paper", "shape", "eigen"];
 
 /// Ending of the name of a weights file.
 const WEIGHTS: &str = ".safetensors";

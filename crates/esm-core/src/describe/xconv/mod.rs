@@ -131,6 +131,10 @@ impl Descriptor for XConv {
         self.network.header.dim
     }
 
+    fn distance_at_rate(&self, false_positive_rate: f64) -> Option<f64> {
+        self.metadata(&format!("max_distance_fpr_{false_positive_rate}"))?.parse().ok().filter(|d| *d > 0.0)
+    }
+
     fn describe(&self, segments: &[Segment]) -> Descriptions {
         let features = self.network.header.size_features;
         self.rows(segments.len(), |n, workspace, row| {
