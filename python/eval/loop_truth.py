@@ -1,6 +1,6 @@
 # /// script
 # requires-python = ">=3.11"
-# dependencies = ["mcap-ros2-support>=0.5", "numpy>=2", "small_gicp>=1"]
+# dependencies = ["mcap-ros2-support>=0.5", "numpy>=2", "scipy>=1.14", "small_gicp>=1"]
 # ///
 """Where a loop of a recording really closes, by somebody else's registration (small_gicp), where its odometry may have drifted.
 
@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 import small_gicp
 from mcap_ros2.reader import read_ros2_messages
+from scipy.spatial.transform import Rotation
 
 F64 = npt.NDArray[np.float64]
 RANGE_M = 40.0
@@ -30,15 +31,15 @@ FRAMES = 8
 def matrix(pose: Any) -> F64:
     """A ROS pose as a 4 x 4 matrix."""
     q, t = pose.orientation, pose.position
-    x, y, z, w = q.x, q.y, q.z, q.w
     m = np.eye(4)
-    m[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
+    m[:3, :3] = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
     m[:3, 3] = [t.x, t.y, t.z]
     return m
+
+
+def quaternion(m: F64) -> F64:
+    """x y z w, rounded."""
+    return np.round(Rotation.from_matrix(m[:3, :3]).as_quat(), 5)
 
 
 def points(cloud: Any) -> F64:
@@ -80,7 +81,7 @@ def main() -> None:
     odometry = np.linalg.inv(poses[options.frame_from - 1]) @ poses[options.frame_to - 1]
     shifted = odometry.copy()
     shifted[:3, 3] += options.guess
-    print(f"by odometry      {np.round(odometry[:3, 3], 2)}")
+    print(f"by odometry        {np.round(odometry[:3, 3], 3)} {quaternion(odometry)}")
     for name, start in (("odometry", odometry), ("another place", shifted)):
         for reach in (3.0, 0.6):
             result = small_gicp.align(
@@ -93,7 +94,7 @@ def main() -> None:
             )
             start = result.T_target_source
         off = np.linalg.norm(start[:3, 3] - odometry[:3, 3])
-        print(f"from {name:13s} {np.round(start[:3, 3], 2)}: {off:.2f} m off the odometry, {result.num_inliers} points agree")
+        print(f"from {name:13s} {np.round(start[:3, 3], 3)} {quaternion(start)}: {off:.2f} m off the odometry")
 
 
 if __name__ == "__main__":
