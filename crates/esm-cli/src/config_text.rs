@@ -94,7 +94,11 @@ const MEANINGS: &[(&str, &str)] = &[
     ("pose", "From candidate matches to places."),
     (
         "pose.method",
-        "How the best group of consistent matches is found: \"clique\", \"prosac\" or \"ransac\".",
+        "How the best group of consistent matches is found: \"clique\", \"prosac\", \"ransac\" or \"plain\" (greedy groups).",
+    ),
+    (
+        "pose.order",
+        "Which matches are tried first: \"quality\" (likely to be good for matching) or \"distance\" (of the descriptors). (prosac and plain)",
     ),
     (
         "pose.resolution_m",
@@ -109,7 +113,10 @@ const MEANINGS: &[(&str, &str)] = &[
     ("pose.min_inliers", "Matches a place must have to be considered at all."),
     ("pose.hypotheses", "Places that are passed on to verification."),
     ("pose.distinct_m", "Places nearer than this to each other are one place, metres."),
-    ("pose.beta", "Chance that a candidate agrees with a wrong pose, 0 to 1. (PROSAC)"),
+    (
+        "pose.beta",
+        "Chance that a candidate agrees with a wrong pose, 0 to 1; 0: measured on each cloud. (PROSAC)",
+    ),
     ("pose.max_draws", "Most samples drawn for one place. (PROSAC and RANSAC)"),
     ("pose.max_branches", "Most branches visited for one place. (clique)"),
     ("verify", "From places to a verdict."),
