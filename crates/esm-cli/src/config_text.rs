@@ -112,6 +112,10 @@ const MEANINGS: &[(&str, &str)] = &[
     ("pose.max_tilt_deg", "Largest tilt of the sensor's z axis against the map's, degrees. (with gravity)"),
     ("pose.min_inliers", "Matches a place must have to be considered at all."),
     ("pose.hypotheses", "Places that are passed on to verification."),
+    (
+        "pose.prune",
+        "Whether matches that agree with too few others are left out first. (false: PROSAC and RANSAC draw from all)",
+    ),
     ("pose.distinct_m", "Places nearer than this to each other are one place, metres."),
     (
         "pose.beta",

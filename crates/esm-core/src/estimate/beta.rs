@@ -3,10 +3,11 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use super::agreement::Agreement;
 use super::candidate::Candidate;
+use super::config::PoseConfig;
 use super::consensus::{Consensus, NearCentroids};
-use super::rigid::{Estimator, Pair};
+use super::rigid::Pair;
+use super::sampled::estimator;
 
 /// Wrong poses that are counted on.
 const POSES: usize = 50;
@@ -21,21 +22,15 @@ const PRIOR_COUNT: f64 = 100.0;
 /// would, and the other candidates that agree with them are counted.
 ///
 /// The same seed gives the same figure. Costs about `POSES` counts of the support.
-pub fn measured_beta(
-    candidates: &[Candidate],
-    agreement: Agreement,
-    estimator: &dyn Estimator,
-    inlier_m: f32,
-    tilt_rad: f32,
-    seed: u64,
-) -> f64 {
+pub fn measured_beta(candidates: &[Candidate], config: &PoseConfig, seed: u64) -> f64 {
+    let (agreement, estimator) = (config.agreement(), estimator(config));
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut below = |n: usize| ((u64::from(random.next_u32()) * n as u64) >> 32) as usize;
     let shuffled = shuffled(candidates, &mut below);
     let m = estimator.sample_size();
     let (mut agreeing, mut asked, mut poses) = (0usize, 0usize, 0);
     if shuffled.len() > m {
-        let mut consensus = NearCentroids::new(&shuffled, inlier_m, tilt_rad);
+        let mut consensus = NearCentroids::new(&shuffled, config.inlier_m as f32, config.tilt_rad());
         for _ in 0..MOST_DRAWS {
             let sample: Vec<Candidate> = (0..m).map(|_| shuffled[below(shuffled.len())]).collect();
             let possible = (0..m).all(|i| (0..i).all(|j| agreement.holds(&sample[i], &sample[j])));
@@ -75,7 +70,6 @@ fn shuffled(candidates: &[Candidate], below: &mut dyn FnMut(usize) -> usize) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::rigid::FourDof;
 
     /// `live` segments with `k` candidates each, spread over a square of `side` metres.
     fn scattered(live: u32, k: u32, side: f32) -> Vec<Candidate> {
@@ -93,8 +87,8 @@ mod tests {
     }
 
     fn measured(candidates: &[Candidate], seed: u64) -> f64 {
-        let agreement = Agreement { resolution_m: 0.5, max_tilt_rad: Some(0.0) };
-        measured_beta(candidates, agreement, &FourDof, 0.8, 0.0, seed)
+        let config = PoseConfig { resolution_m: 0.5, inlier_m: 0.8, max_tilt_deg: 0.0, ..Default::default() };
+        measured_beta(candidates, &config, seed)
     }
 
     #[test]

@@ -19,9 +19,7 @@ pub struct Clique {
 /// none. `effort` bounds the branches visited. Where gravity is known its members all allow one and the same turn about
 /// the up axis, as matches of one pose do.
 pub fn max_clique(graph: &ConsistencyGraph, allowed: &[bool], larger_than: usize, effort: usize) -> Clique {
-    let by_vertex: Vec<bool> =
-        (0..graph.len() as u32).map(|v| allowed[graph.candidate(v) as usize]).collect();
-    Cliques::new(graph, cores(graph, larger_than + 1)).largest(&by_vertex, larger_than, effort)
+    Cliques::new(graph, cores(graph, larger_than + 1)).largest(allowed, larger_than, effort)
 }
 
 /// Looks for the largest cliques of a graph, one after the other.
@@ -56,10 +54,11 @@ impl<'a> Cliques<'a> {
         Self { graph, bound, slot: vec![0; graph.len()], branch: Branch::default(), turns }
     }
 
-    /// Largest clique of more than `larger_than` vertices among those for which `allowed` (by vertex) holds.
+    /// Largest clique of more than `larger_than` candidates among those for which `allowed` holds.
     pub(super) fn largest(&mut self, allowed: &[bool], larger_than: usize, effort: usize) -> Clique {
-        let mut open = allowed.to_vec();
-        let mut order: Vec<u32> = (0..self.graph.len() as u32)
+        let count = self.graph.len() as u32;
+        let mut open: Vec<bool> = (0..count).map(|v| allowed[self.graph.candidate(v) as usize]).collect();
+        let mut order: Vec<u32> = (0..count)
             .filter(|v| open[*v as usize] && self.bound[*v as usize] as usize > larger_than)
             .collect();
         order.sort_by_key(|v| std::cmp::Reverse(self.bound[*v as usize]));

@@ -52,6 +52,9 @@ pub struct PoseConfig {
     pub min_inliers: usize,
     /// Distinct places that are passed on to verification.
     pub hypotheses: usize,
+    /// Whether matches that cannot belong to a group of `min_inliers` are left out first: those outside the core of the
+    /// consistency graph. Without it PROSAC and RANSAC draw from all matches, as the paper's does.
+    pub prune: bool,
     /// Places nearer than this to each other, metres, are one place.
     pub distinct_m: f64,
     /// Chance that a candidate agrees with a wrong pose (PROSAC's beta); 0: measured on each cloud
@@ -74,6 +77,7 @@ impl Default for PoseConfig {
             max_tilt_deg: 6.0,
             min_inliers: 4,
             hypotheses: 4,
+            prune: true,
             distinct_m: 2.0,
             beta: 0.0,
             max_draws: 100_000,
@@ -102,6 +106,11 @@ impl PoseConfig {
         require(positive(self.distinct_m), "pose.distinct_m", self.distinct_m, "more than 0 m")?;
         require((0.0..1.0).contains(&self.beta), "pose.beta", self.beta, "0, or between 0 and 1")?;
         require(self.max_draws >= 1, "pose.max_draws", self.max_draws, "1 or more")
+    }
+
+    /// Whether the search works on the graph of consistent matches.
+    pub(super) fn needs_graph(&self) -> bool {
+        self.prune || matches!(self.method, Method::Clique | Method::Plain)
     }
 
     /// When two matches agree.

@@ -1,8 +1,10 @@
 //! The pair tests of all candidates that lie near each other in the map, many at a time.
 
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
 
-use super::agreement::{Agreement, Bounds};
+use super::agreement::Agreement;
 use super::bins::Bins;
 use super::candidate::Candidate;
 
@@ -36,7 +38,7 @@ impl WithSimd for Tests<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
         let Self { candidates, bins, reach, agreement } = self;
-        let places = Places::new(candidates, bins);
+        let lanes = Lanes::of(candidates, bins);
         let (mut found, mut tests) = (Vec::new(), 0);
         let (mut later, mut ranges) = (Vec::new(), Vec::new());
         for cell in 0..bins.cells() {
@@ -50,21 +52,17 @@ impl WithSimd for Tests<'_> {
                 let one = &candidates[bins.order[a] as usize];
                 for range in &ranges {
                     tests += range.len() as u64;
-                    let mut start = range.start;
-                    while start < range.end {
-                        let mut hits = places.test(start, one, agreement);
-                        if range.end - start < LANES {
-                            hits &= (1 << (range.end - start)) - 1;
-                        }
+                    for (number, lanes) in lanes_of(&lanes, range) {
+                        let first = number * LANES;
+                        let mut hits = lanes.test(one, agreement) & within(range, first);
                         while hits != 0 {
-                            let b = start + hits.trailing_zeros() as usize;
+                            let b = first + hits.trailing_zeros() as usize;
                             hits &= hits - 1;
                             let other = &candidates[bins.order[b] as usize];
                             if other.live != one.live && other.map != one.map {
                                 found.push((a as u32, b as u32));
                             }
                         }
-                        start += LANES;
                     }
                 }
             }
@@ -77,44 +75,53 @@ fn farthest(live: &[u32], reach: &[f32]) -> f32 {
     live.iter().map(|l| reach[*l as usize]).fold(0.0, f32::max)
 }
 
-/// Where the members are, in the live cloud and in the map, coordinate by coordinate; then NaN, which agrees with nothing.
-struct Places {
-    live: [Vec<f32>; 3],
-    map: [Vec<f32>; 3],
+/// Where some members are, in the live cloud and in the map, coordinate by coordinate; the last ones are filled up with
+/// NaN, which agrees with nothing.
+struct Lanes {
+    live: [[f32; LANES]; 3],
+    map: [[f32; LANES]; 3],
 }
 
-impl Places {
-    fn new(candidates: &[Candidate], bins: &Bins) -> Self {
-        let column = |of: &dyn Fn(&Candidate) -> f32| -> Vec<f32> {
-            let values = bins.order.iter().map(|i| of(&candidates[*i as usize]));
-            values.chain([f32::NAN; LANES]).collect()
+impl Lanes {
+    fn of(candidates: &[Candidate], bins: &Bins) -> Vec<Self> {
+        let filled = |members: &[u32]| {
+            let mut lanes = Self { live: [[f32::NAN; LANES]; 3], map: [[f32::NAN; LANES]; 3] };
+            for (k, member) in members.iter().enumerate() {
+                let pair = &candidates[*member as usize].pair;
+                for axis in 0..3 {
+                    (lanes.live[axis][k], lanes.map[axis][k]) = (pair.live[axis], pair.map[axis]);
+                }
+            }
+            lanes
         };
-        Self {
-            live: [0, 1, 2].map(|axis| column(&|c| c.pair.live[axis])),
-            map: [0, 1, 2].map(|axis| column(&|c| c.pair.map[axis])),
-        }
+        bins.order.chunks(LANES).map(filled).collect()
     }
 
-    /// Tests a candidate with the members from `start` on: one bit each.
+    /// Tests a candidate with these members: one bit each.
     #[inline(always)]
-    fn test(&self, start: usize, one: &Candidate, agreement: Agreement) -> u32 {
-        let [lx, ly, lz] =
-            [lanes(&self.live[0], start), lanes(&self.live[1], start), lanes(&self.live[2], start)];
-        let [mx, my, mz] =
-            [lanes(&self.map[0], start), lanes(&self.map[1], start), lanes(&self.map[2], start)];
-        let (l, m) = (one.pair.live, one.pair.map);
+    fn test(&self, one: &Candidate, agreement: Agreement) -> u32 {
+        let Self { live: [lx, ly, lz], map: [mx, my, mz] } = self;
+        let m = one.pair.map;
         let mut hits = 0;
         for k in 0..LANES {
-            let bounds: Bounds = agreement.bounds(l, [lx[k], ly[k], lz[k]]);
+            let bounds = agreement.bounds(one.pair.live, [lx[k], ly[k], lz[k]]);
             hits |= u32::from(bounds.hold([m[0] - mx[k], m[1] - my[k], m[2] - mz[k]])) << k;
         }
         hits
     }
 }
 
+/// The lanes that hold a range of members, with their numbers.
 #[inline(always)]
-fn lanes(values: &[f32], start: usize) -> [f32; LANES] {
-    let mut out = [f32::NAN; LANES];
-    out.copy_from_slice(&values[start..start + LANES]);
-    out
+fn lanes_of<'a>(lanes: &'a [Lanes], range: &Range<usize>) -> impl Iterator<Item = (usize, &'a Lanes)> {
+    let (first, end) = (range.start / LANES, range.end.div_ceil(LANES));
+    (first..).zip(&lanes[first.min(end)..end])
+}
+
+/// The bits of those lanes, `first` and on, that are in the range.
+#[inline(always)]
+fn within(range: &Range<usize>, first: usize) -> u32 {
+    let from = range.start.saturating_sub(first);
+    let to = (range.end - first).min(LANES);
+    (1 << to) - (1 << from)
 }

@@ -1,9 +1,10 @@
 //! Groups by sampling: Sampler x Estimator x Consensus.
 
+use std::cell::Cell;
+
 use super::candidate::Candidate;
 use super::config::{Method, Order, PoseConfig};
 use super::consensus::{Consensus, NearCentroids, Support};
-use super::consistency::ConsistencyGraph;
 use super::rigid::{Estimator, FourDof, SixDof};
 use super::sampler::{Prosac, Ransac, Sampler};
 
@@ -23,30 +24,33 @@ pub(super) fn put_in_order(pool: &mut [u32], candidates: &[Candidate], order: Or
     }
 }
 
-/// The best supported sample of the pool, as candidate indices, ascending; and the samples drawn.
-pub(super) fn sampled_group(
-    candidates: &[Candidate],
-    graph: &ConsistencyGraph,
-    pool: &[u32],
-    config: &PoseConfig,
-    beta: f64,
-    seed: u64,
-) -> (Vec<u32>, usize) {
-    let members: Vec<Candidate> = pool.iter().map(|v| candidates[*v as usize]).collect();
+/// The best of all samples drawn.
+pub(super) struct Sampled {
+    /// By index into the candidates given.
+    pub(super) support: Support,
+    pub(super) samples: usize,
+    pub(super) pair_tests: u64,
+}
+
+/// Draws samples of candidates, which stand in the order they are to be tried in. Samples that disagree among themselves
+/// are rejected at once.
+pub(super) fn sampled_group(candidates: &[Candidate], config: &PoseConfig, beta: f64, seed: u64) -> Sampled {
     let estimator = estimator(config);
     let m = estimator.sample_size();
     let mut sampler: Box<dyn Sampler> = match config.method {
-        Method::Ransac => Box::new(Ransac::new(pool.len(), m, config.max_draws, seed)),
-        _ => Box::new(Prosac::new(pool.len(), m, beta, config.max_draws, seed)),
+        Method::Ransac => Box::new(Ransac::new(candidates.len(), m, config.max_draws, seed)),
+        _ => Box::new(Prosac::new(candidates.len(), m, beta, config.max_draws, seed)),
     };
-    let mut consensus = NearCentroids::new(&members, config.inlier_m as f32, config.tilt_rad());
-    let possible = |sample: &[usize]| {
-        sample.iter().enumerate().all(|(i, a)| sample[..i].iter().all(|b| graph.agree(pool[*a], pool[*b])))
+    let mut consensus = NearCentroids::new(candidates, config.inlier_m as f32, config.tilt_rad());
+    let (agreement, pair_tests) = (config.agreement(), Cell::new(0));
+    let holds = |a: usize, b: usize| {
+        pair_tests.set(pair_tests.get() + 1);
+        agreement.holds(&candidates[a], &candidates[b])
     };
-    let best = best_sample(&mut *sampler, estimator, &mut consensus, &members, &possible);
-    let mut group: Vec<u32> = best.inliers.iter().map(|i| pool[*i as usize]).collect();
-    group.sort_unstable();
-    (group, sampler.draws())
+    let possible =
+        |sample: &[usize]| sample.iter().enumerate().all(|(i, a)| sample[..i].iter().all(|b| holds(*a, *b)));
+    let support = best_sample(&mut *sampler, estimator, &mut consensus, candidates, &possible);
+    Sampled { support, samples: sampler.draws(), pair_tests: pair_tests.get() }
 }
 
 /// Draws, rejects what is impossible, fits, counts, and keeps the best: Sampler x Estimator x Consensus.

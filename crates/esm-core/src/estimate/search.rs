@@ -8,10 +8,10 @@ use super::consensus::NearCentroids;
 use super::consistency::ConsistencyGraph;
 use super::groups::largest_group;
 use super::rigid::vector;
-use super::sampled::{estimator, put_in_order, sampled_group};
+use super::sampled::{put_in_order, sampled_group};
 use super::settle::{Hypothesis, same_place, settle};
 use super::stats::SearchStats;
-use super::turns::cores;
+use super::turns::{anywhere, cores};
 use crate::cloud::{Pose, transform_point};
 
 /// What a pose search found.
@@ -42,13 +42,22 @@ pub struct Found {
 /// assert!((found.places[0].pose_map_sensor.translation.x - 10.0).abs() < 1e-3);
 /// ```
 pub fn search(candidates: &[Candidate], config: &PoseConfig, seed: u64) -> Found {
-    let graph = ConsistencyGraph::new(candidates, config.agreement());
-    search_in(&graph, candidates, config, seed)
+    let graph = config.needs_graph().then(|| ConsistencyGraph::new(candidates, config.agreement()));
+    search_with(graph.as_ref(), candidates, config, seed)
 }
 
 /// The same on a graph of the candidates that is there already.
 pub fn search_in(
     graph: &ConsistencyGraph,
+    candidates: &[Candidate],
+    config: &PoseConfig,
+    seed: u64,
+) -> Found {
+    search_with(Some(graph), candidates, config, seed)
+}
+
+fn search_with(
+    graph: Option<&ConsistencyGraph>,
     candidates: &[Candidate],
     config: &PoseConfig,
     seed: u64,
@@ -86,11 +95,12 @@ pub fn search_in(
 
 /// The largest groups of consistent matches, one after the other, by the configured method.
 struct Groups<'a> {
-    graph: &'a ConsistencyGraph,
+    /// Not needed by sampling without pruning.
+    graph: Option<&'a ConsistencyGraph>,
     candidates: &'a [Candidate],
     config: &'a PoseConfig,
     seed: u64,
-    /// By vertex: not spent yet.
+    /// By candidate: not spent yet.
     allowed: Vec<bool>,
     cliques: Option<Cliques<'a>>,
     stats: SearchStats,
@@ -98,21 +108,23 @@ struct Groups<'a> {
 
 impl<'a> Groups<'a> {
     fn new(
-        graph: &'a ConsistencyGraph,
+        graph: Option<&'a ConsistencyGraph>,
         candidates: &'a [Candidate],
         config: &'a PoseConfig,
         seed: u64,
     ) -> Self {
-        // A group of s matches that all agree lies in the (s-1)-core: what is outside cannot support a place.
-        let turns = cores(graph, config.min_inliers);
-        let allowed: Vec<bool> = turns.iter().map(|t| *t != 0).collect();
-        let stats = SearchStats {
-            pair_tests: graph.pair_tests(),
-            edges: graph.edges(),
-            kept: allowed.iter().filter(|a| **a).count(),
-            ..SearchStats::default()
-        };
-        let cliques = (config.method == Method::Clique).then(|| Cliques::new(graph, turns));
+        let mut allowed = vec![true; candidates.len()];
+        let (mut stats, mut cliques) = (SearchStats::default(), None);
+        if let Some(graph) = graph {
+            // A group of s matches that all agree lies in the (s-1)-core: what is outside cannot support a place.
+            let turns = if config.prune { cores(graph, config.min_inliers) } else { anywhere(graph) };
+            for (v, turns) in turns.iter().enumerate() {
+                allowed[graph.candidate(v as u32) as usize] = *turns != 0;
+            }
+            (stats.pair_tests, stats.edges) = (graph.pair_tests(), graph.edges());
+            cliques = (config.method == Method::Clique).then(|| Cliques::new(graph, turns));
+        }
+        stats.kept = allowed.iter().filter(|a| **a).count();
         Self { graph, candidates, config, seed, allowed, cliques, stats }
     }
 
@@ -130,45 +142,45 @@ impl<'a> Groups<'a> {
             }
             return found.members;
         }
-        let mut pool: Vec<u32> = (0..self.candidates.len() as u32)
-            .filter(|c| self.allowed[self.graph.vertex(*c) as usize])
-            .collect();
+        let mut pool: Vec<u32> =
+            (0..self.candidates.len() as u32).filter(|c| self.allowed[*c as usize]).collect();
         if pool.len() < config.min_inliers {
             return Vec::new();
         }
         put_in_order(&mut pool, self.candidates, config.order);
-        if config.method == Method::Plain {
-            return largest_group(self.graph, &pool);
+        match (config.method, self.graph) {
+            (Method::Plain, Some(graph)) => largest_group(graph, &pool),
+            _ => self.sampled(&pool, first),
         }
-        if first && config.method == Method::Prosac {
-            self.stats.beta = if config.beta > 0.0 { config.beta } else { self.beta(&pool) };
-        }
-        let (group, samples) =
-            sampled_group(self.candidates, self.graph, &pool, config, self.stats.beta, self.seed);
-        self.stats.samples += samples;
-        if first {
-            self.stats.first_samples = samples;
-        }
-        group
     }
 
-    fn beta(&self, pool: &[u32]) -> f64 {
+    fn sampled(&mut self, pool: &[u32], first: bool) -> Vec<u32> {
         let members: Vec<Candidate> = pool.iter().map(|c| self.candidates[*c as usize]).collect();
-        let config = self.config;
-        let (inlier_m, tilt_rad) = (config.inlier_m as f32, config.tilt_rad());
-        measured_beta(&members, config.agreement(), estimator(config), inlier_m, tilt_rad, self.seed)
+        if first && self.config.method == Method::Prosac {
+            let given = self.config.beta;
+            self.stats.beta =
+                if given > 0.0 { given } else { measured_beta(&members, self.config, self.seed) };
+        }
+        let found = sampled_group(&members, self.config, self.stats.beta, self.seed);
+        self.stats.samples += found.samples;
+        self.stats.pair_tests += found.pair_tests;
+        if first {
+            self.stats.first_samples = found.samples;
+        }
+        let mut group: Vec<u32> = found.support.inliers.iter().map(|i| pool[*i as usize]).collect();
+        group.sort_unstable();
+        group
     }
 
     fn spend(&mut self, group: &[u32]) {
         for c in group {
-            self.allowed[self.graph.vertex(*c) as usize] = false;
+            self.allowed[*c as usize] = false;
         }
     }
 
     /// Every match that a found place explains is spent: what is left speaks for other places only.
     fn withdraw(&mut self, pose_map_sensor: &Pose) {
-        for (v, allowed) in self.allowed.iter_mut().enumerate().filter(|(_, allowed)| **allowed) {
-            let c = &self.candidates[self.graph.candidate(v as u32) as usize];
+        for (c, allowed) in self.candidates.iter().zip(&mut self.allowed).filter(|(_, allowed)| **allowed) {
             let at = vector(transform_point(pose_map_sensor, c.pair.live));
             *allowed = (at - vector(c.pair.map)).norm() > self.config.distinct_m;
         }
@@ -219,8 +231,8 @@ mod tests {
         let pose = Pose::new(Vector3::new(120.0, -300.0, 1.0), Vector3::new(0.02, -0.01, 2.0));
         let candidates = scene(&pose);
         for method in [Method::Clique, Method::Prosac, Method::Ransac, Method::Plain] {
-            for gravity in [true, false] {
-                let config = PoseConfig { method, gravity, ..Default::default() };
+            for (gravity, prune) in [(true, true), (false, true), (true, false)] {
+                let config = PoseConfig { method, gravity, prune, ..Default::default() };
                 let Found { places, .. } = search(&candidates, &config, 3);
                 assert!(!places.is_empty(), "{method:?}");
                 let best = &places[0];

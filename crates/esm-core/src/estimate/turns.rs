@@ -71,11 +71,16 @@ pub(super) fn cores(graph: &ConsistencyGraph, size: usize) -> Vec<u64> {
     pruned(graph, size, ROUNDS)
 }
 
+/// The same without looking: any vertex on any turn.
+pub(super) fn anywhere(graph: &ConsistencyGraph) -> Vec<u64> {
+    vec![u64::MAX; graph.len()]
+}
+
 /// Rounds of pruning: more find little that the search does not find at once.
 const ROUNDS: usize = 2;
 
 fn pruned(graph: &ConsistencyGraph, size: usize, rounds: usize) -> Vec<u64> {
-    let mut alive = vec![u64::MAX; graph.len()];
+    let mut alive = anywhere(graph);
     for _ in 0..rounds {
         let mut changed = false;
         for v in 0..graph.len() {
