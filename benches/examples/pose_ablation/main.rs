@@ -1,13 +1,13 @@
 //! What each part of the back end brings: every way of searching on the same candidates, with and without verification, as a
 //! Markdown table.
 //!
-//! `pose_ablation MAP.esm LIVE.mcap TRUTH.tum [--accumulate D] [--swathes] [--every N] [--min-quality P] [--max-distance D]
-//! [--tune FILE | --frozen FILE]`
+//! `pose_ablation MAP.esm LIVE.mcap TRUTH.tum [--accumulate D] [--swathes] [--every N] [--min-quality P]
+//! [--max-distance D] [--max-false-positive-rate R] [--only WAY] [--tune FILE | --frozen FILE]`
 //!
 //! Clouds stand for themselves. Without verification the best place is believed when it has enough matches, as the paper's
 //! pipeline does: `--tune` finds, for every way, the fewest with which nothing false is accepted, and notes them in FILE (the
-//! largest of all runs that note there); `--frozen` takes them from there. With `--min-quality` or `--max-distance` every way
-//! runs a second time on the candidates that are left.
+//! largest of all runs that note there); `--frozen` takes them from there. With `--min-quality`, `--max-distance` or
+//! `--max-false-positive-rate` every way runs a second time on the candidates that are left.
 
 mod recording;
 mod remembered;
@@ -19,6 +19,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use esm_core::describe::{self, Descriptor};
+use esm_core::matching::MatchConfig;
 use esm_core::{Config, Map};
 
 use crate::recording::Recorded;
@@ -29,8 +30,8 @@ struct Args {
     paths: Vec<PathBuf>,
     config: Config,
     every: usize,
-    min_quality: f64,
-    max_distance: f64,
+    pruned: MatchConfig,
+    only: String,
     tune: Option<PathBuf>,
     frozen: Option<PathBuf>,
 }
@@ -40,8 +41,8 @@ fn args() -> Result<Args, Box<dyn std::error::Error>> {
         paths: Vec::new(),
         config: Config::default(),
         every: 1,
-        min_quality: 0.0,
-        max_distance: 0.0,
+        pruned: MatchConfig::default(),
+        only: String::new(),
         tune: None,
         frozen: None,
     };
@@ -52,8 +53,10 @@ fn args() -> Result<Args, Box<dyn std::error::Error>> {
             "--accumulate" => args.config.accumulate.distance_m = value()?.parse()?,
             "--swathes" => args.config.accumulate.swathes = true,
             "--every" => args.every = value()?.parse()?,
-            "--min-quality" => args.min_quality = value()?.parse()?,
-            "--max-distance" => args.max_distance = value()?.parse()?,
+            "--min-quality" => args.pruned.min_quality = value()?.parse()?,
+            "--max-distance" => args.pruned.max_distance = value()?.parse()?,
+            "--max-false-positive-rate" => args.pruned.max_false_positive_rate = value()?.parse()?,
+            "--only" => args.only = value()?,
             "--tune" => args.tune = Some(value()?.into()),
             "--frozen" => args.frozen = Some(value()?.into()),
             path => args.paths.push(path.into()),
@@ -73,15 +76,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Arc::new(Remembered::new(describe::by_name(&args.config.descriptor)?));
     let clouds = Recorded::read(live, truth, &map, &args.config, args.every)?;
     let mut candidates = vec![("all", args.config.clone())];
-    if args.min_quality > 0.0 || args.max_distance > 0.0 {
-        let mut pruned = args.config.clone();
-        (pruned.matching.min_quality, pruned.matching.max_distance) = (args.min_quality, args.max_distance);
-        candidates.push(("pruned", pruned));
+    if args.pruned != MatchConfig::default() {
+        candidates
+            .push(("pruned", Config { matching: args.pruned.of(&*descriptor)?, ..args.config.clone() }));
     }
     let mut frozen = Frozen::read(args.frozen.as_deref().or(args.tune.as_deref()))?;
     let mut rows = Vec::new();
     for (name, config) in candidates {
-        for way in ways::all() {
+        for way in ways::all().into_iter().filter(|way| way.name.contains(&args.only)) {
             rows.push(ways::run(name, &way, &config, &map, &descriptor, &clouds)?);
         }
     }

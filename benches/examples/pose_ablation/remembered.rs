@@ -34,6 +34,10 @@ impl Descriptor for Remembered {
         self.descriptor.standardized()
     }
 
+    fn distance_at_rate(&self, false_positive_rate: f64) -> Option<f64> {
+        self.descriptor.distance_at_rate(false_positive_rate)
+    }
+
     fn describe(&self, segments: &[Segment]) -> Descriptions {
         let key: Vec<[f32; 3]> = segments.iter().map(|s| s.centroid).collect();
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);

@@ -20,13 +20,16 @@ pub(super) struct Bins {
     /// The cells that hold members, sorted, and the first member of each; one more start at the end.
     cells: Vec<(i64, i64)>,
     starts: Vec<usize>,
+    /// The columns that hold cells, and the first cell of each; one more at the end.
+    columns: Vec<(i64, usize)>,
 }
 
 impl Bins {
     /// `reach`: the largest distance of two candidates in the map that can agree, metres.
     pub(super) fn new(candidates: &[Candidate], reach: f32) -> Self {
         let edge = (reach / CELLS_TO_REACH).max(1.0);
-        let number = |v: f32| (f64::from(v) / f64::from(edge)).floor() as i64;
+        // Bounded, so that cells next to it can be counted whatever the map says.
+        let number = |v: f32| (f64::from(v) / f64::from(edge)).floor().clamp(-1e12, 1e12) as i64;
         let mut keyed: Vec<((i64, i64), u32, u32)> = candidates
             .iter()
             .enumerate()
@@ -41,12 +44,16 @@ impl Bins {
             }
         }
         starts.push(keyed.len());
+        let mut columns: Vec<(i64, usize)> = cells.iter().enumerate().map(|(i, c)| (c.0, i)).collect();
+        columns.dedup_by_key(|c| c.0);
+        columns.push((i64::MAX, cells.len()));
         Self {
             order: keyed.iter().map(|k| k.2).collect(),
             live: keyed.iter().map(|k| k.1).collect(),
             edge,
             cells,
             starts,
+            columns,
         }
     }
 
@@ -65,22 +72,27 @@ impl Bins {
     pub(super) fn later(&self, cell: usize, reach: f32, ranges: &mut Vec<Range<usize>>) {
         ranges.clear();
         let (x, y) = self.cells[cell];
-        // Cells from `low` to `high` of one column.
-        let mut column = |from: usize, x: i64, low: i64, high: i64| {
-            let first = from + self.cells[from..].partition_point(|c| *c < (x, low));
-            let last = first + self.cells[first..].partition_point(|c| *c <= (x, high));
+        // Cells from `low` to `high` of the cells of one column.
+        let mut add = |cells: Range<usize>, low: i64, high: i64| {
+            let column = &self.cells[cells.clone()];
+            let first = cells.start + column.partition_point(|c| c.1 < low);
+            let last = cells.start + column.partition_point(|c| c.1 <= high);
             if first < last {
                 ranges.push(self.starts[first]..self.starts[last]);
             }
-            last
         };
         let most = i64::from((reach / self.edge) as i32) + 1;
-        let mut next = column(cell + 1, x, y + 1, y + most);
-        for dx in 1..=most {
+        let own = self.columns.partition_point(|c| c.0 <= x);
+        add(cell + 1..self.columns[own].1, y + 1, y + most);
+        for pair in self.columns[own..].windows(2) {
+            let dx = pair[0].0 - x;
+            if dx > most {
+                break;
+            }
             // Between a cell and one `dx` columns on lie at least dx - 1 whole columns.
             let aside = (dx - 1) as f32 * self.edge;
             let along = i64::from(((reach * reach - aside * aside).max(0.0).sqrt() / self.edge) as i32) + 1;
-            next = column(next, x + dx, y - along, y + along);
+            add(pair[0].1..pair[1].1, y - along, y + along);
         }
     }
 }
