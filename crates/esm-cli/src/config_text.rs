@@ -94,7 +94,11 @@ const MEANINGS: &[(&str, &str)] = &[
     ("pose", "From candidate matches to places."),
     (
         "pose.method",
-        "How the best group of consistent matches is found: \"clique\", \"prosac\" or \"ransac\".",
+        "How the best group of consistent matches is found: \"clique\", \"prosac\", \"ransac\" or \"plain\" (greedy groups).",
+    ),
+    (
+        "pose.order",
+        "Which matches are tried first: \"quality\" (likely to be good for matching) or \"distance\" (of the descriptors). (prosac and plain)",
     ),
     (
         "pose.resolution_m",
@@ -108,8 +112,15 @@ const MEANINGS: &[(&str, &str)] = &[
     ("pose.max_tilt_deg", "Largest tilt of the sensor's z axis against the map's, degrees. (with gravity)"),
     ("pose.min_inliers", "Matches a place must have to be considered at all."),
     ("pose.hypotheses", "Places that are passed on to verification."),
+    (
+        "pose.prune",
+        "Whether matches that agree with too few others are left out first. (false: PROSAC and RANSAC draw from all)",
+    ),
     ("pose.distinct_m", "Places nearer than this to each other are one place, metres."),
-    ("pose.beta", "Chance that a candidate agrees with a wrong pose, 0 to 1. (PROSAC)"),
+    (
+        "pose.beta",
+        "Chance that a candidate agrees with a wrong pose, 0 to 1; 0: measured on each cloud. (PROSAC)",
+    ),
     ("pose.max_draws", "Most samples drawn for one place. (PROSAC and RANSAC)"),
     ("pose.max_branches", "Most branches visited for one place. (clique)"),
     ("verify", "From places to a verdict."),

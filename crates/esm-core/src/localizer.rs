@@ -99,7 +99,7 @@ impl Localizer {
         let candidates =
             candidates(&cloud.segments, &described, &self.map, &self.index, &self.config.matching);
         clock.lap(|t| &mut t.matching);
-        let mut hypotheses = search(&candidates, &self.config.pose, self.config.seed);
+        let mut hypotheses = search(&candidates, &self.config.pose, self.config.seed).places;
         clock.lap(|t| &mut t.pose);
         let mut consensus = NearCentroids::new(&candidates, self.config.pose.inlier_m as f32, 0.0);
         hypotheses.extend(expected_map_sensor.iter().map(|pose_map_sensor| {

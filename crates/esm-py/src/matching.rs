@@ -262,7 +262,7 @@ pub(crate) fn search(
 ) -> PyResult<Vec<Hypothesis>> {
     let (candidates, config) = (Arc::clone(&candidates.get().inner), or_default(config));
     let found = run(py, Threads::new(threads)?, move || {
-        Ok::<_, Failure>(estimate::search(&candidates, &config.pose, config.seed))
+        Ok::<_, Failure>(estimate::search(&candidates, &config.pose, config.seed).places)
     })?;
     Ok(found.into_iter().map(|inner| Hypothesis { inner, inliers: Kept::default() }).collect())
 }

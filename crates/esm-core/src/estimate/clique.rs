@@ -1,6 +1,8 @@
 //! The largest set of candidates that all agree with each other: an exact maximum clique with bounded effort.
 
-use super::consistency::{ConsistencyGraph, Cores};
+use super::branch::{Best, Branch};
+use super::consistency::ConsistencyGraph;
+use super::turns::{agreeing, cores};
 
 /// A clique and whether it is proven to be the largest.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -9,137 +11,156 @@ pub struct Clique {
     pub members: Vec<u32>,
     /// False where the effort ran out first: the clique is then the largest one found.
     pub proven: bool,
+    /// Branches visited.
+    pub branches: usize,
 }
 
-/// Largest clique of more than `larger_than` vertices among those for which `allowed` holds; empty where there is
-/// none. `effort` bounds the branches visited.
+/// Largest clique of more than `larger_than` candidates among those for which `allowed` holds; empty where there is
+/// none. `effort` bounds the branches visited. Where gravity is known its members all allow one and the same turn about
+/// the up axis, as matches of one pose do.
+pub fn max_clique(graph: &ConsistencyGraph, allowed: &[bool], larger_than: usize, effort: usize) -> Clique {
+    Cliques::new(graph, cores(graph, larger_than + 1)).largest(allowed, larger_than, effort)
+}
+
+/// Looks for the largest cliques of a graph, one after the other.
 ///
-/// Vertices are taken in degeneracy order, so each branch works on at most as many vertices as the graph's core
-/// number; within a branch, bitsets and a greedy colouring bound (Tomita and Seki 2003).
-pub fn max_clique(
-    graph: &ConsistencyGraph,
-    cores: &Cores,
-    allowed: &[bool],
-    larger_than: usize,
-    effort: usize,
-) -> Clique {
-    let Cores { numbers: cores, order } = cores;
-    let mut rank = vec![0u32; graph.len()];
-    for (r, v) in order.iter().enumerate() {
-        rank[*v as usize] = r as u32;
+/// A vertex is looked at together with the neighbours that agree with it on one turn: few, even where a dense wood lets
+/// hundreds agree on the length. Counting those for all turns at once bounds every vertex first ([`TurnCounts`]); those that
+/// promise most come first, and nearly all others need not be looked at.
+///
+/// [`TurnCounts`]: super::turns::TurnCounts
+pub(super) struct Cliques<'a> {
+    graph: &'a ConsistencyGraph,
+    /// Turns on which each vertex may belong to a clique of the size looked for.
+    turns: Vec<u64>,
+    /// No clique with this vertex is larger.
+    bound: Vec<u32>,
+    /// One more than the number of a vertex in the branch at hand; 0 outside.
+    slot: Vec<u32>,
+    branch: Branch,
+}
+
+/// A neighbour of the vertex at hand and the turns that both allow.
+type Partner = (u32, u64);
+
+impl<'a> Cliques<'a> {
+    /// `turns`: those on which each vertex may belong to a clique of the size looked for ([`cores`]).
+    pub(super) fn new(graph: &'a ConsistencyGraph, turns: Vec<u64>) -> Self {
+        let bound = |v: usize| match turns[v] {
+            0 => 0,
+            own => 1 + agreeing(graph, v as u32, |u| own & turns[u as usize]).most() as u32,
+        };
+        let bound = (0..graph.len()).map(bound).collect();
+        Self { graph, bound, slot: vec![0; graph.len()], branch: Branch::default(), turns }
     }
-    let mut search = Search { best: Vec::new(), size: larger_than, effort };
-    // The densest part of the graph comes last in the order: begin there, where a large clique is likely.
-    for &v in order.iter().rev() {
-        if !allowed[v as usize] || (cores[v as usize] as usize) < search.size {
-            continue;
-        }
-        let later: Vec<u32> = graph
-            .neighbours(v)
-            .iter()
-            .copied()
-            .filter(|u| allowed[*u as usize] && rank[*u as usize] > rank[v as usize])
-            .filter(|u| cores[*u as usize] as usize >= search.size)
+
+    /// Largest clique of more than `larger_than` candidates among those for which `allowed` holds.
+    pub(super) fn largest(&mut self, allowed: &[bool], larger_than: usize, effort: usize) -> Clique {
+        let count = self.graph.len() as u32;
+        let mut open: Vec<bool> = (0..count).map(|v| allowed[self.graph.candidate(v) as usize]).collect();
+        let mut order: Vec<u32> = (0..count)
+            .filter(|v| open[*v as usize] && self.bound[*v as usize] as usize > larger_than)
             .collect();
-        if later.len() < search.size {
-            continue;
+        order.sort_by_key(|v| std::cmp::Reverse(self.bound[*v as usize]));
+        let mut best = Best { members: Vec::new(), size: larger_than, effort };
+        let mut members = Vec::new();
+        let mut partners: Vec<Partner> = Vec::new();
+        for v in order {
+            if best.effort == 0 || self.bound[v as usize] as usize <= best.size {
+                break;
+            }
+            // All cliques with v are seen now: it is of no use to later vertices.
+            open[v as usize] = false;
+            let own = self.turns[v as usize];
+            let (turns, bound) = (&self.turns, &self.bound);
+            let counted = |u: u32| {
+                let (u, own) = (u as usize, own);
+                if open[u] && bound[u] as usize > best.size { own & turns[u] } else { 0 }
+            };
+            let promising = agreeing(self.graph, v, counted).at_least(best.size);
+            if promising == 0 {
+                continue;
+            }
+            partners.clear();
+            partners.extend(
+                self.graph
+                    .edges_of(v)
+                    .map(|(u, t)| (u, t.bits() & promising & counted(u)))
+                    .filter(|p| p.1 != 0),
+            );
+            self.look_at(v, promising, &partners, &mut best, &mut members);
         }
-        let branch = Branch::new(graph, &later);
-        branch.expand(&mut vec![v], branch.all(), &mut search);
+        members.sort_unstable();
+        Clique { members, proven: best.effort > 0, branches: effort - best.effort }
     }
-    search.best.sort_unstable();
-    Clique { members: search.best, proven: search.effort > 0 }
-}
 
-struct Search {
-    best: Vec<u32>,
-    /// Only cliques larger than this count.
-    size: usize,
-    effort: usize,
-}
+    /// Searches the cliques of `v` with its partners, one turn after the other.
+    fn look_at(
+        &mut self,
+        v: u32,
+        promising: u64,
+        partners: &[Partner],
+        best: &mut Best,
+        members: &mut Vec<u32>,
+    ) {
+        let on = |bin: u32| partners.iter().filter(move |p| p.1 >> bin & 1 == 1);
+        let mut bins: Vec<(usize, u32)> =
+            (0..64).filter(|bin| promising >> bin & 1 == 1).map(|bin| (on(bin).count(), bin)).collect();
+        bins.sort_by_key(|(count, bin)| (std::cmp::Reverse(*count), *bin));
+        let mut seen = 0u64;
+        for (count, bin) in bins {
+            // Neighbouring bins mostly hold the same partners, or fewer of them.
+            let repeated = partners.iter().filter(|p| p.1 >> bin & 1 == 1).fold(seen, |all, p| all & p.1);
+            if count < best.size || repeated != 0 {
+                continue;
+            }
+            seen |= 1 << bin;
+            let found = self.search_on(bin, on(bin).map(|p| p.0).collect(), best);
+            if let Some(mut others) = found {
+                others.push(v);
+                *members = others.iter().map(|u| self.graph.candidate(*u)).collect();
+            }
+        }
+    }
 
-/// The subgraph of one branch, as a bit matrix.
-struct Branch<'a> {
-    vertices: &'a [u32],
-    words: usize,
-    adjacent: Vec<u64>,
-}
+    /// The largest clique among vertices that all agree with the vertex at hand on one turn, if that makes one larger
+    /// than the best.
+    fn search_on(&mut self, bin: u32, mut vertices: Vec<u32>, best: &mut Best) -> Option<Vec<u32>> {
+        self.fill(bin, &vertices);
+        // The best connected first: it gets the lowest colour, and the search begins with the last.
+        let degree: Vec<u32> = (0..vertices.len()).map(|i| self.branch.degree(i)).collect();
+        let mut order: Vec<usize> =
+            (0..vertices.len()).filter(|i| degree[*i] as usize + 2 > best.size).collect();
+        order.sort_by_key(|i| std::cmp::Reverse(degree[*i]));
+        vertices = order.iter().map(|i| vertices[*i]).collect();
+        self.fill(bin, &vertices);
+        let mut inner = Best { members: Vec::new(), size: best.size.saturating_sub(1), effort: best.effort };
+        self.branch.search(&mut inner);
+        best.effort = inner.effort;
+        if inner.members.is_empty() {
+            return None;
+        }
+        best.size = inner.size + 1;
+        Some(inner.members.iter().map(|i| vertices[*i as usize]).collect())
+    }
 
-impl<'a> Branch<'a> {
-    fn new(graph: &ConsistencyGraph, vertices: &'a [u32]) -> Self {
-        let words = vertices.len().div_ceil(64);
-        let mut adjacent = vec![0u64; words * vertices.len()];
+    /// The branch's bit matrix: vertices joined when they agree on the turn.
+    fn fill(&mut self, bin: u32, vertices: &[u32]) {
+        self.branch.reset(vertices.len());
         for (i, v) in vertices.iter().enumerate() {
-            // Both lists ascend: one merge finds the common vertices.
-            let (mut j, neighbours) = (0, graph.neighbours(*v));
-            for u in neighbours {
-                while j < vertices.len() && vertices[j] < *u {
-                    j += 1;
-                }
-                if j < vertices.len() && vertices[j] == *u {
-                    adjacent[i * words + j / 64] |= 1 << (j % 64);
-                }
-            }
+            self.slot[*v as usize] = i as u32 + 1;
         }
-        Self { vertices, words, adjacent }
-    }
-
-    fn all(&self) -> Vec<u64> {
-        let mut set = vec![u64::MAX; self.words];
-        if !self.vertices.len().is_multiple_of(64) {
-            set[self.words - 1] = (1 << (self.vertices.len() % 64)) - 1;
-        }
-        set
-    }
-
-    fn row(&self, i: usize) -> &[u64] {
-        &self.adjacent[i * self.words..][..self.words]
-    }
-
-    fn expand(&self, clique: &mut Vec<u32>, mut set: Vec<u64>, search: &mut Search) {
-        if search.effort == 0 {
-            return;
-        }
-        search.effort -= 1;
-        let colours = self.colour(&set);
-        for &(i, colour) in colours.iter().rev() {
-            if clique.len() + colour <= search.size {
-                return;
-            }
-            clique.push(self.vertices[i]);
-            let inner: Vec<u64> = set.iter().zip(self.row(i)).map(|(a, b)| a & b).collect();
-            if inner.iter().any(|w| *w != 0) {
-                self.expand(clique, inner, search);
-            } else if clique.len() > search.size {
-                search.size = clique.len();
-                search.best = clique.clone();
-            }
-            clique.pop();
-            set[i / 64] &= !(1 << (i % 64));
-        }
-    }
-
-    /// Greedy colouring: vertices with the number of colours needed up to them, ascending. A clique within a prefix
-    /// is no larger than its colour.
-    fn colour(&self, set: &[u64]) -> Vec<(usize, usize)> {
-        let mut left = set.to_vec();
-        let mut coloured = Vec::new();
-        let mut colour = 0;
-        while left.iter().any(|w| *w != 0) {
-            colour += 1;
-            let mut independent = left.clone();
-            while let Some(w) = independent.iter().position(|w| *w != 0) {
-                let bit = independent[w].trailing_zeros() as usize;
-                let i = w * 64 + bit;
-                coloured.push((i, colour));
-                left[w] &= !(1 << bit);
-                independent[w] &= !(1 << bit);
-                for (a, b) in independent.iter_mut().zip(self.row(i)) {
-                    *a &= !b;
+        for (i, v) in vertices.iter().enumerate() {
+            for (u, turns) in self.graph.edges_of(*v) {
+                let slot = self.slot[u as usize];
+                if slot != 0 && turns.bits() >> bin & 1 == 1 {
+                    self.branch.join(i, slot as usize - 1);
                 }
             }
         }
-        coloured
+        for v in vertices {
+            self.slot[*v as usize] = 0;
+        }
     }
 }
 
@@ -174,7 +195,7 @@ mod tests {
                 }
             }
             let graph = ConsistencyGraph::from_edges(14, &edges);
-            let found = max_clique(&graph, &graph.cores(), &[true; 14], 0, usize::MAX);
+            let found = max_clique(&graph, &[true; 14], 0, usize::MAX);
             prop_assert!(found.proven);
             prop_assert_eq!(found.members.len(), naive(&graph, &mut Vec::new(), 0));
             for a in &found.members {
@@ -182,7 +203,7 @@ mod tests {
                     prop_assert!(a == b || graph.agree(*a, *b));
                 }
             }
-            prop_assert!(max_clique(&graph, &graph.cores(), &[true; 14], found.members.len(), usize::MAX).members.is_empty());
+            prop_assert!(max_clique(&graph, &[true; 14], found.members.len(), usize::MAX).members.is_empty());
         }
     }
 
@@ -194,7 +215,7 @@ mod tests {
             .filter(|(a, b)| a < b && ((a % 3 == 0 && b % 3 == 0) || (a + b) % 7 == 0))
             .collect();
         let graph = ConsistencyGraph::from_edges(200, &edges);
-        let found = max_clique(&graph, &graph.cores(), &[true; 200], 0, 100_000);
+        let found = max_clique(&graph, &[true; 200], 0, 100_000);
         assert_eq!(found.members, (0..200).filter(|v| v % 3 == 0).collect::<Vec<u32>>());
     }
 
@@ -202,6 +223,7 @@ mod tests {
     fn spent_effort_is_told() {
         let edges: Vec<_> = (0..30u32).flat_map(|a| (0..a).map(move |b| (a, b))).collect();
         let graph = ConsistencyGraph::from_edges(30, &edges);
-        assert!(!max_clique(&graph, &graph.cores(), &[true; 30], 0, 1).proven);
+        let found = max_clique(&graph, &[true; 30], 0, 1);
+        assert!(!found.proven && found.branches == 1);
     }
 }
