@@ -6,15 +6,28 @@
 use pulp::Arch;
 
 use super::architecture::{INPUT_POINTS, LAYER_TABLE, LAYERS, Layer, PointPlan};
-use super::simd::{Aligned, INDEX, Lowest, lanes};
+use super::simd::{Aligned, INDEX, Lowest, kept, lanes};
+
+/// What is known of the nearest points of a query when keys of rounded distances are sorted.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Found {
+    /// They are in order.
+    InOrder,
+    /// They are the first keys, but some distances are rounded to the same: about one query in twenty, and all with duplicates.
+    Together,
+    /// The last of them may have been left out.
+    Unknown,
+}
 
 /// Working memory of the search.
 pub(super) struct Search {
     arch: Arch,
     coordinates: [Aligned; 3],
-    /// A vector of keys for each point, and one of what was left out.
+    /// For each rank a vector of keys, one of each query.
     keys: Aligned,
+    /// What sorting by rounded distances leaves open: see [`Lowest`].
     lost: Aligned,
+    closest: Aligned,
     exact: Vec<u64>,
 }
 
@@ -27,6 +40,7 @@ impl Search {
             coordinates: std::array::from_fn(|_| Aligned::zeros(INPUT_POINTS + width)),
             keys: Aligned::zeros(INPUT_POINTS * width),
             lost: Aligned::zeros(width),
+            closest: Aligned::zeros(width),
             exact: Vec::with_capacity(INPUT_POINTS),
         }
     }
@@ -36,7 +50,9 @@ impl Search {
         for (axis, column) in self.coordinates.iter_mut().enumerate() {
             column.iter_mut().zip(points).for_each(|(c, p)| *c = p[axis]);
         }
-        lists.iter_mut().for_each(Vec::clear);
+        for (list, (kept, layer)) in lists.iter_mut().zip(plan.0.iter().zip(&LAYER_TABLE)) {
+            list.resize(kept * layer.neighbours, 0);
+        }
         let mut layer = 0;
         while layer < LAYERS {
             // Layers that look among the same points share one search.
@@ -44,26 +60,36 @@ impl Search {
             let same = (layer..LAYERS).take_while(|l| plan.sources(*l) == sources).count();
             let together = layer..layer + same;
             let queries = together.clone().map(|l| plan.0[l]).max().unwrap_or(0);
-            // A layer that keeps a point wants neighbours of all points before it, so no query reaches farther than the first of
-            // its vector.
-            let reach = |query: usize| {
-                let wanted = together.clone().filter(|l| query < plan.0[*l]);
-                wanted.map(|l| LAYER_TABLE[l].reach()).max().unwrap_or(0)
-            };
             let width = self.lost.len();
             for first in (0..queries).step_by(width) {
-                let kept = self.lowest(first, sources, reach(first));
+                // Later layers keep fewer points and look farther: no query of this vector wants more than the first.
+                let wanted = together.clone().filter(|l| first < plan.0[*l]);
+                let reach = wanted.map(|l| LAYER_TABLE[l].reach()).max().unwrap_or(0);
+                let sorted = self.lowest(first, sources, reach);
                 for query in first..queries.min(first + width) {
-                    let reach = reach(query);
-                    let exact = kept.is_some_and(|kept| self.settle(query, reach, kept));
-                    if !exact {
-                        self.nearest(query, sources, reach);
+                    let wanted = together.clone().filter(|l| query < plan.0[*l]);
+                    let found = if sorted { self.found(query, reach) } else { Found::Unknown };
+                    if found == Found::InOrder {
+                        for l in wanted {
+                            let Layer { neighbours, dilation, .. } = LAYER_TABLE[l];
+                            let list = &mut lists[l][query * neighbours..][..neighbours];
+                            for (n, to) in list.iter_mut().enumerate() {
+                                *to = (self.key(n * dilation, query) & INDEX) as u16;
+                            }
+                        }
+                        continue;
                     }
-                    for l in together.clone().filter(|l| query < plan.0[*l]) {
+                    match found {
+                        Found::Together => self.settle(query, reach),
+                        _ => self.nearest(query, sources, reach),
+                    }
+                    for l in wanted {
                         let Layer { neighbours, dilation, .. } = LAYER_TABLE[l];
+                        let list = &mut lists[l][query * neighbours..][..neighbours];
                         // The key's low half is the index.
-                        lists[l]
-                            .extend(self.exact.iter().step_by(dilation).take(neighbours).map(|k| *k as u16));
+                        for (to, key) in list.iter_mut().zip(self.exact.iter().step_by(dilation)) {
+                            *to = *key as u16;
+                        }
                     }
                 }
             }
@@ -71,55 +97,59 @@ impl Search {
         }
     }
 
-    /// Sorts the keys of a vector of queries and tells how many are in order; none where there are no vectors: plain code does
-    /// better without.
-    fn lowest(&mut self, first: usize, sources: usize, reach: usize) -> Option<usize> {
+    /// Sorts the keys of a vector of queries. Not where there are no vectors: plain code does better without.
+    fn lowest(&mut self, first: usize, sources: usize, reach: usize) -> bool {
         if self.lost.len() == 1 {
-            return None;
+            return false;
         }
-        let kept = reach.next_power_of_two().max(16);
         self.arch.dispatch(Lowest {
             points: self.coordinates.each_ref().map(|c| &c[..]),
             sources,
             query: first,
-            kept,
+            reach,
             keys: bytemuck::cast_slice_mut(&mut self.keys),
             lost: bytemuck::cast_slice_mut(&mut self.lost),
+            closest: bytemuck::cast_slice_mut(&mut self.closest),
         });
-        Some(kept)
+        true
     }
 
-    /// Puts the `reach` nearest of a query into `exact`, where its sorted keys tell them: those whose rounded distances are the
-    /// same are compared by the true ones.
-    fn settle(&mut self, query: usize, reach: usize, kept: usize) -> bool {
-        let (width, lane) = (self.lost.len(), query % self.lost.len());
-        let keys: &[u32] = bytemuck::cast_slice(&self.keys);
-        let key = |n: usize| keys[n * width + lane];
-        let end = key(reach - 1) | INDEX;
-        if self.lost[lane].to_bits() <= end {
-            return false;
+    fn key(&self, rank: usize, query: usize) -> u32 {
+        let width = self.lost.len();
+        self.keys[rank * width + query % width].to_bits()
+    }
+
+    /// What sorting by rounded distances says of a query.
+    fn found(&self, query: usize, reach: usize) -> Found {
+        let lane = query % self.lost.len();
+        match (self.lost[lane].to_bits() > self.last(query, reach), self.closest[lane].to_bits() > INDEX) {
+            (false, _) => Found::Unknown,
+            (true, false) => Found::Together,
+            (true, true) => Found::InOrder,
         }
+    }
+
+    /// The last key whose distance is rounded as that of the last neighbour.
+    fn last(&self, query: usize, reach: usize) -> u32 {
+        self.key(reach - 1, query) | INDEX
+    }
+
+    /// Puts the nearest of a query, whose keys are together, in order by their true distances: into `exact`, as keys.
+    fn settle(&mut self, query: usize, reach: usize) {
+        let [x, y, z] = &self.coordinates;
+        let last = self.last(query, reach);
         self.exact.clear();
-        let (mut before, mut ties) = (u32::MAX, false);
-        for n in 0..kept {
-            let key = key(n);
-            if key > end {
+        for rank in 0..kept(reach) {
+            let key = self.key(rank, query);
+            if key > last {
                 break;
             }
-            ties |= (key ^ before) <= INDEX;
-            before = key;
-            self.exact.push(u64::from(key & INDEX));
+            let n = (key & INDEX) as usize;
+            let (dx, dy, dz) = (x[query] - x[n], y[query] - y[n], z[query] - z[n]);
+            let distance = (dx * dx + dy * dy) + dz * dz;
+            self.exact.push((u64::from(distance.to_bits()) << 32) | n as u64);
         }
-        if ties {
-            let [x, y, z] = &self.coordinates;
-            for key in &mut self.exact {
-                let n = *key as usize;
-                let (dx, dy, dz) = (x[query] - x[n], y[query] - y[n], z[query] - z[n]);
-                *key |= u64::from(((dx * dx + dy * dy) + dz * dz).to_bits()) << 32;
-            }
-            self.exact.sort_unstable();
-        }
-        true
+        self.exact.sort_unstable();
     }
 
     /// The `reach` nearest of the first `sources` points into `exact`, as keys: the distance's bits, which order like the

@@ -13,8 +13,8 @@ use super::architecture::{FC1, FC2, GLOBAL, INPUT_POINTS, LAYER_TABLE, LAYERS, L
 use super::neighbours::Search;
 use super::parts::{Part, Probe};
 use super::simd::{
-    Aligned, Mix, MixPart, MixWeights, Rows, RowsWeights, Transform, TransformWeights, Unit, WHOLE, lanes,
-    padded, registers,
+    Aligned, Mix, MixPart, MixWeights, Rows, RowsWeights, Sum, Transform, TransformWeights, Unit, WHOLE,
+    lanes, padded, registers,
 };
 use super::weights::{Header, Weights};
 use crate::error::Error;
@@ -478,9 +478,7 @@ impl Network {
                 count,
             });
             probe.ended(Part::Connected);
-            for row in w.fc2.chunks_exact(FC2).take(count) {
-                mean.iter_mut().zip(row).for_each(|(m, v)| *m += f64::from(*v));
-            }
+            self.arch.dispatch(Sum { rows: &w.fc2[..count * FC2], sums: &mut mean });
             probe.ended(Part::Head);
         }
         mean.map(|m| m * Unit::Ln2.factor(Unit::One) / kept as f64)

@@ -13,6 +13,11 @@ const RUN: usize = 16;
 /// The low bits of a key: the index of the point. The distance's bits above it are rounded down.
 pub(crate) const INDEX: u32 = 0xFF;
 
+/// How many keys are sorted where `reach` are wanted: 16 or a larger power of two.
+pub(crate) fn kept(reach: usize) -> usize {
+    reach.next_power_of_two().max(RUN)
+}
+
 /// Distances from a vector of query points to all points, the least of them in order.
 pub(crate) struct Lowest<'a> {
     /// x, y, z of the points, with a vector beyond the last.
@@ -21,13 +26,16 @@ pub(crate) struct Lowest<'a> {
     pub(crate) sources: usize,
     /// The first of as many query points as a vector has lanes.
     pub(crate) query: usize,
-    /// How many are wanted: 16 or another power of two.
-    pub(crate) kept: usize,
-    /// Room for as many vectors as there are points, rounded up to a multiple of `kept`. The first `kept` vectors become the keys
-    /// of the nearest, ascending.
+    /// How many are wanted.
+    pub(crate) reach: usize,
+    /// Room for as many vectors as there are points, rounded up to a multiple of [`kept`]. The first vectors become the keys of the
+    /// nearest, ascending.
     pub(crate) keys: &'a mut [u32],
     /// For each query a key that none of those left out is below.
     pub(crate) lost: &'a mut [u32],
+    /// For each query the least difference, bit by bit, of two keys that follow one another up to the first that is not wanted: at
+    /// most [`INDEX`] where rounded distances are the same.
+    pub(crate) closest: &'a mut [u32],
 }
 
 impl WithSimd for Lowest<'_> {
@@ -36,7 +44,8 @@ impl WithSimd for Lowest<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let [x, y, z] = self.points;
-        let vectors = self.sources.next_multiple_of(self.kept);
+        let kept = kept(self.reach);
+        let vectors = self.sources.next_multiple_of(kept);
         let keys = &mut S::as_mut_simd_u32s(self.keys).0[..vectors];
         let of = |axis: &[f32]| arrays::<S, 1>(&axis[self.query..self.query + S::F32_LANES])[0][0];
         let query = [of(x), of(y), of(z)];
@@ -56,7 +65,7 @@ impl WithSimd for Lowest<'_> {
             *run = sorted(simd, *run);
         }
         let mut width = RUN;
-        while width < self.kept {
+        while width < kept {
             let mut first = 0;
             while first < vectors {
                 merge(simd, &mut keys[first..first + 2 * width]);
@@ -65,18 +74,23 @@ impl WithSimd for Lowest<'_> {
             width *= 2;
         }
         let mut lost = simd.splat_u32s(u32::MAX);
-        let (best, rest) = keys.split_at_mut(self.kept);
+        let (best, rest) = keys.split_at_mut(kept);
         let mut first = 0;
         while first < rest.len() {
-            for n in 0..self.kept {
-                let (a, b) = (best[n], rest[first + self.kept - 1 - n]);
+            for n in 0..kept {
+                let (a, b) = (best[n], rest[first + kept - 1 - n]);
                 best[n] = simd.min_u32s(a, b);
                 lost = simd.min_u32s(lost, simd.max_u32s(a, b));
             }
             clean(simd, best);
-            first += self.kept;
+            first += kept;
         }
         S::as_mut_simd_u32s(self.lost).0[0] = lost;
+        let mut closest = simd.splat_u32s(u32::MAX);
+        for n in 1..kept.min(self.reach + 1) {
+            closest = simd.min_u32s(closest, simd.xor_u32s(best[n], best[n - 1]));
+        }
+        S::as_mut_simd_u32s(self.closest).0[0] = closest;
     }
 }
 
