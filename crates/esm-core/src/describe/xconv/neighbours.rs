@@ -8,17 +8,6 @@ use pulp::Arch;
 use super::architecture::{INPUT_POINTS, LAYER_TABLE, LAYERS, Layer, PointPlan};
 use super::simd::{Aligned, INDEX, Lowest, kept, lanes};
 
-/// What is known of the nearest points of a query when keys of rounded distances are sorted.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Found {
-    /// They are in order.
-    InOrder,
-    /// They are the first keys, but some distances are rounded to the same: about one query in twenty, and all with duplicates.
-    Together,
-    /// The last of them may have been left out.
-    Unknown,
-}
-
 /// Working memory of the search.
 pub(super) struct Search {
     arch: Arch,
@@ -68,20 +57,21 @@ impl Search {
                 let sorted = self.lowest(first, sources, reach);
                 for query in first..queries.min(first + width) {
                     let wanted = together.clone().filter(|l| query < plan.0[*l]);
-                    let found = if sorted { self.found(query, reach) } else { Found::Unknown };
-                    if found == Found::InOrder {
+                    if sorted && self.in_order(query, reach) {
                         for l in wanted {
                             let Layer { neighbours, dilation, .. } = LAYER_TABLE[l];
                             let list = &mut lists[l][query * neighbours..][..neighbours];
-                            for (n, to) in list.iter_mut().enumerate() {
-                                *to = (self.key(n * dilation, query) & INDEX) as u16;
+                            let ranks = self.keys.chunks_exact(width * dilation);
+                            for (to, keys) in list.iter_mut().zip(ranks) {
+                                *to = (keys[query % width].to_bits() & INDEX) as u16;
                             }
                         }
                         continue;
                     }
-                    match found {
-                        Found::Together => self.settle(query, reach),
-                        _ => self.nearest(query, sources, reach),
+                    if sorted {
+                        self.settle(query, sources, reach);
+                    } else {
+                        self.nearest(query, sources, reach);
                     }
                     for l in wanted {
                         let Layer { neighbours, dilation, .. } = LAYER_TABLE[l];
@@ -119,37 +109,45 @@ impl Search {
         self.keys[rank * width + query % width].to_bits()
     }
 
-    /// What sorting by rounded distances says of a query.
-    fn found(&self, query: usize, reach: usize) -> Found {
+    /// Whether the order by rounded distances is the one by distances: no two of a query's nearest are rounded to the same, nor the
+    /// last and one that was left out. So it is but for duplicates and one query in some twenty.
+    fn in_order(&self, query: usize, reach: usize) -> bool {
         let lane = query % self.lost.len();
-        match (self.lost[lane].to_bits() > self.last(query, reach), self.closest[lane].to_bits() > INDEX) {
-            (false, _) => Found::Unknown,
-            (true, false) => Found::Together,
-            (true, true) => Found::InOrder,
-        }
+        self.closest[lane].to_bits() > INDEX && self.lost[lane].to_bits() > self.key(reach - 1, query) | INDEX
     }
 
-    /// The last key whose distance is rounded as that of the last neighbour.
-    fn last(&self, query: usize, reach: usize) -> u32 {
-        self.key(reach - 1, query) | INDEX
-    }
-
-    /// Puts the nearest of a query, whose keys are together, in order by their true distances: into `exact`, as keys.
-    fn settle(&mut self, query: usize, reach: usize) {
-        let [x, y, z] = &self.coordinates;
-        let last = self.last(query, reach);
+    /// Puts the nearest of a query in order by their true distances, as keys into `exact`: all whose rounded distances are not
+    /// above the last one's.
+    fn settle(&mut self, query: usize, sources: usize, reach: usize) {
+        let last = self.key(reach - 1, query) | INDEX;
         self.exact.clear();
+        let mut greatest = 0;
         for rank in 0..kept(reach) {
             let key = self.key(rank, query);
             if key > last {
                 break;
             }
+            greatest = key;
             let n = (key & INDEX) as usize;
-            let (dx, dy, dz) = (x[query] - x[n], y[query] - y[n], z[query] - z[n]);
-            let distance = (dx * dx + dy * dy) + dz * dz;
-            self.exact.push((u64::from(distance.to_bits()) << 32) | n as u64);
+            self.exact.push((u64::from(self.distance(query, n)) << 32) | n as u64);
+        }
+        if self.lost[query % self.lost.len()].to_bits() <= last {
+            for n in 0..sources {
+                let distance = self.distance(query, n);
+                let key = distance & !INDEX | n as u32;
+                if key > greatest && key <= last {
+                    self.exact.push((u64::from(distance) << 32) | n as u64);
+                }
+            }
         }
         self.exact.sort_unstable();
+    }
+
+    /// The squared distance of two points, as bits.
+    fn distance(&self, a: usize, b: usize) -> u32 {
+        let [x, y, z] = &self.coordinates;
+        let (dx, dy, dz) = (x[a] - x[b], y[a] - y[b], z[a] - z[b]);
+        ((dx * dx + dy * dy) + dz * dz).to_bits()
     }
 
     /// The `reach` nearest of the first `sources` points into `exact`, as keys: the distance's bits, which order like the
@@ -175,6 +173,7 @@ impl Search {
 mod tests {
     use proptest::prelude::*;
 
+    use super::super::naive::processors;
     use super::*;
 
     fn naive(points: &[[f32; 3]], plan: &PointPlan, layer: usize) -> Vec<u16> {
@@ -196,18 +195,25 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
-        /// On a coarse grid, where ties and duplicates are the rule.
+        /// From a coarse grid, where ties and duplicates are the rule, to one so fine that there are hardly any; with distances
+        /// that are rounded to the same in between.
         #[test]
         fn lists_are_those_of_a_full_sort(
-            cells in prop::collection::vec([-6i8..6, -6i8..6, -6i8..6], INPUT_POINTS),
-            swift in any::<bool>(),
+            cells in prop::collection::vec([-600i16..600, -600i16..600, -600i16..600], INPUT_POINTS),
+            coarse in 1i16..200,
+            tiny in prop::sample::select(vec![0.0f32, 1e-6, 1e-5]),
+            plan in prop::sample::select(vec![[256, 256, 256, 256], [256, 96, 64, 48], [200, 65, 64, 47], [256, 130, 130, 70]]),
         ) {
-            let points: Vec<[f32; 3]> = cells.iter().map(|c| c.map(|v| f32::from(v) * 0.37)).collect();
-            let plan = PointPlan(if swift { [256, 96, 64, 48] } else { [256; 4] });
-            let mut lists = Default::default();
-            Search::new(Arch::new()).lists(&points, &plan, &mut lists);
-            for (layer, list) in lists.iter().enumerate() {
-                prop_assert_eq!(list, &naive(&points, &plan, layer), "layer {}", layer + 1);
+            let cell = |v: i16| f32::from(v / coarse) * 0.0037 * f32::from(coarse) + f32::from(v) * tiny;
+            let points: Vec<[f32; 3]> = cells.iter().map(|c| c.map(cell)).collect();
+            let plan = PointPlan(plan);
+            prop_assume!(plan.flaw().is_none());
+            for arch in processors() {
+                let mut lists = Default::default();
+                Search::new(arch).lists(&points, &plan, &mut lists);
+                for (layer, list) in lists.iter().enumerate() {
+                    prop_assert_eq!(list, &naive(&points, &plan, layer), "layer {} {:?}", layer + 1, arch);
+                }
             }
         }
     }
