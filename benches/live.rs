@@ -7,7 +7,7 @@ use esm_sim::{Key, SweepSpec, Tiles, Trajectory, World, preset, sweep};
 /// Segments of a live cloud in the paper's timing case.
 pub const SEGMENTS: usize = 46;
 
-/// Twenty metres of travel through a street of the preset `kitti`, in the frame of the last sweep.
+/// Forty metres of travel through a street of the preset `kitti`, in the frame of the last sweep.
 ///
 /// # Errors
 /// Where the preset is not there.
@@ -21,7 +21,7 @@ pub fn simulated_cloud() -> Result<PointCloud, Box<dyn std::error::Error>> {
     let mut tiles = Tiles::new(&world);
     let (mut points, mut travel, mut stamp_s) = (Vec::new(), 0.0, 6.0);
     let mut pose_world_sensor = trajectory.pose(stamp_s);
-    while travel < 20.0 && stamp_s < 60.0 {
+    while travel < 40.0 && stamp_s < 60.0 {
         let place = pose_world_sensor.translation.vector;
         let scene = tiles.scene(&[place], f64::from(sensor.max_range_m));
         let spec = SweepSpec { sensor: &sensor, stamp_s, undistorted: true, key: Key::new(SEED) };

@@ -140,7 +140,14 @@ impl Search {
                 }
             }
         }
-        self.exact.sort_unstable();
+        // By insertion: nearly all of them are where they belong.
+        for n in 1..self.exact.len() {
+            let mut at = n;
+            while at > 0 && self.exact[at] < self.exact[at - 1] {
+                self.exact.swap(at, at - 1);
+                at -= 1;
+            }
+        }
     }
 
     /// The squared distance of two points, as bits.
