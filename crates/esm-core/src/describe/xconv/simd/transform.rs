@@ -133,7 +133,7 @@ impl Transform<'_> {
                 columns::<S, T>(simd, &second[at * K..][..K], &bias[at], x0, &mut own[rows], points);
             }
         }
-        let vectors = K.next_multiple_of(S::F32_LANES) / S::F32_LANES;
+        let vectors = K.div_ceil(S::F32_LANES);
         for at in 0..K * vectors {
             let weights = &S::as_simd_f32s(&w.third).0[at * K..][..K];
             let bias = S::as_simd_f32s(&w.third_bias).0[at];
