@@ -1,4 +1,10 @@
-//! What the benchmarks share: clouds to measure on.
+//! What the benchmarks share: clouds to measure on, and the limits of the machine.
+
+mod limits;
+mod live;
+
+pub use limits::{bandwidth, peak_flops};
+pub use live::{SEGMENTS, above_and_ground, simulated_cloud, simulated_segments};
 
 use std::path::{Path, PathBuf};
 

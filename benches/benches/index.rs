@@ -48,6 +48,19 @@ fn descriptors(rows: usize, dim: usize, low: bool, random: &mut ChaCha8Rng) -> V
     values
 }
 
+/// The paper's timing case with the descriptors of `esm-swift`: 46 segments of 24 numbers, 2,783 in the map, K = 25.
+fn paper(c: &mut Criterion) {
+    let mut random = ChaCha8Rng::seed_from_u64(46);
+    let (map, queries) = (descriptors(2783, 24, true, &mut random), descriptors(46, 24, true, &mut random));
+    let product = Product::new(&map, 24);
+    let mut group = c.benchmark_group("index, the paper's case");
+    group.warm_up_time(Duration::from_millis(100)).measurement_time(Duration::from_millis(500));
+    group.bench_function("product, 46 of 24 numbers among 2783, k 25", |b| {
+        b.iter(|| product.nearest(&queries, 25))
+    });
+    group.finish();
+}
+
 fn index(c: &mut Criterion) {
     for (kind, low) in [("low", true), ("full", false)] {
         for dim in [7, 13, 16] {
@@ -78,5 +91,5 @@ fn one_size(group: &mut BenchmarkGroup<'_, WallTime>, rows: usize, dim: usize, l
     }
 }
 
-criterion_group!(benches, index);
+criterion_group!(benches, paper, index);
 criterion_main!(benches);

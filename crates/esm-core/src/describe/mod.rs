@@ -54,7 +54,7 @@ mod xconv;
 
 pub use eigen::Eigen;
 pub use shape::Shape;
-pub use xconv::XConv;
+pub use xconv::{Part, PartTime, XConv};
 
 /// The descriptors by name, the default first.
 pub const NAMES: [&str; 5] = ["esm-swift", "esm", "esm-paper", "shape", "eigen"];

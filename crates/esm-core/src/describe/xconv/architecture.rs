@@ -1,5 +1,7 @@
 //! The layer table of the network (paper, section III; the channels give its 300 thousand parameters).
 
+use super::parts::Part;
+
 /// Points a segment is sampled to.
 pub(super) const INPUT_POINTS: usize = 256;
 
@@ -85,18 +87,35 @@ impl PointPlan {
     /// Multiply-adds for one segment, activations and neighbour search not counted. `measures` enter where
     /// they are joined with the shape; 0: they are not.
     pub(super) fn multiply_adds(&self, learned: usize, measures: usize) -> usize {
-        let layers = LAYER_TABLE.iter().zip(self.0).map(|(layer, points)| {
-            let k = layer.neighbours;
-            let cin = layer.lift + layer.previous;
-            let lift = k * (3 * layer.lift + layer.lift * layer.lift);
-            let transform = 3 * k * k * k + 2 * k * k * k;
-            let mixed = k * k * cin;
-            let separable = k * cin * layer.multiplier + cin * layer.multiplier * layer.channels;
-            points * (lift + transform + mixed + separable)
-        });
-        let head = 3 * GLOBAL + GLOBAL * GLOBAL + (GLOBAL + LAYER_TABLE[3].channels) * FC1 + FC1 * FC2;
-        let join = if measures > 0 { (FC2 + measures) * FC2 } else { 0 };
-        layers.sum::<usize>() + self.0[LAYERS - 1] * head + FC2 * learned + join
+        Part::all().into_iter().map(|part| self.part_multiply_adds(part, learned, measures)).sum()
+    }
+
+    /// Those of one part.
+    pub(super) fn part_multiply_adds(&self, part: Part, learned: usize, measures: usize) -> usize {
+        let last = self.0[LAYERS - 1];
+        let layer = |n: usize| (self.0[n], &LAYER_TABLE[n]);
+        match part {
+            Part::Sample | Part::Neighbours | Part::Local(_) => 0,
+            Part::Lift(n) => {
+                let (points, l) = layer(n);
+                points * l.neighbours * (3 * l.lift + l.lift * l.lift)
+            }
+            Part::Transform(n) => {
+                let (points, l) = layer(n);
+                points * 5 * l.neighbours.pow(3)
+            }
+            Part::Mix(n) => {
+                let (points, l) = layer(n);
+                points * (l.lift + l.previous) * l.neighbours * (l.neighbours + l.multiplier)
+            }
+            Part::Pointwise(n) => {
+                let (points, l) = layer(n);
+                points * (l.lift + l.previous) * l.multiplier * l.channels
+            }
+            Part::Global => last * (3 * GLOBAL + GLOBAL * GLOBAL),
+            Part::Connected => last * ((GLOBAL + LAYER_TABLE[LAYERS - 1].channels) * FC1 + FC1 * FC2),
+            Part::Head => FC2 * learned + if measures > 0 { (FC2 + measures) * FC2 } else { 0 },
+        }
     }
 }
 

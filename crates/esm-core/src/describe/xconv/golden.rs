@@ -38,7 +38,7 @@ fn compare(weights: &Path, golden: &Path) {
     let mut off = [0f32; 2];
     for n in 0..shape[0] {
         workspace.points = points[n * INPUT_POINTS..][..INPUT_POINTS].to_vec();
-        let q = descriptor.network.describe(&mut workspace, &measures[n * each..][..each], &mut row);
+        let q = descriptor.network.describe(&mut workspace, &measures[n * each..][..each], &mut row, &mut ());
         for (l, layer) in architecture::LAYER_TABLE.iter().enumerate() {
             let (shape, want) = tensor(&file, &format!("xconv{}.neighbours", l + 1));
             let each = shape[1] * shape[2];

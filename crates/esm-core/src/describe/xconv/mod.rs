@@ -11,6 +11,7 @@ mod golden;
 mod naive;
 mod neighbours;
 mod network;
+mod parts;
 mod sample;
 mod simd;
 mod weights;
@@ -24,6 +25,8 @@ use rayon::prelude::*;
 
 use self::architecture::INPUT_POINTS;
 use self::network::{Network, Workspace};
+pub use self::parts::{Part, PartTime};
+use self::parts::{Probe, Stopwatch};
 use self::weights::Weights;
 use super::shape::log_sizes;
 use super::{Descriptions, Descriptor};
@@ -88,8 +91,52 @@ impl XConv {
         self.rows(points.len() / INPUT_POINTS, |n, workspace, row| {
             workspace.points.clear();
             workspace.points.extend_from_slice(&points[n * INPUT_POINTS..][..INPUT_POINTS]);
-            (self.network.describe(workspace, &measures[n * each..][..each], row), Duration::ZERO)
+            (self.network.describe(workspace, &measures[n * each..][..each], row, &mut ()), Duration::ZERO)
         })
+    }
+
+    /// Describes segments one after the other on this thread, each `repeats` times, and tells how long each part of it takes at
+    /// best, all segments together. The looking itself adds some 5 µs a segment.
+    pub fn time_parts(&self, segments: &[Segment], repeats: usize) -> Vec<PartTime> {
+        let header = &self.network.header;
+        let joined = if header.context { header.measures() } else { 0 };
+        let empty = |part| {
+            let multiply_adds = segments.len() * header.plan.part_multiply_adds(part, header.learned, joined);
+            PartTime { part, time: Duration::ZERO, multiply_adds }
+        };
+        let mut times: Vec<PartTime> = Part::all().into_iter().map(empty).collect();
+        let mut workspace = self.network.workspace();
+        let mut row = vec![0.0; self.dim()];
+        for segment in segments {
+            let mut best = [Duration::MAX; Part::NUMBER];
+            for _ in 0..repeats {
+                let mut watch = Stopwatch::new();
+                let measures = self.prepare(segment, &mut workspace);
+                watch.ended(Part::Sample);
+                let measures = &measures[..header.measures()];
+                self.network.describe(&mut workspace, measures, &mut row, &mut watch);
+                best.iter_mut().zip(watch.spent).for_each(|(best, time)| *best = time.min(*best));
+            }
+            if repeats > 0 {
+                times.iter_mut().zip(best).for_each(|(all, best)| all.time += best);
+            }
+        }
+        times
+    }
+
+    /// The sampled points of a segment into the workspace; its sizes and context, those that the network knows first.
+    fn prepare(&self, segment: &Segment, workspace: &mut Workspace) -> [f64; 7 + RINGS * RING_NUMBERS] {
+        let header = &self.network.header;
+        sample::sample(segment, header.turned, &mut workspace.order, &mut workspace.points);
+        let mut measures = [f64::NAN; 7 + RINGS * RING_NUMBERS];
+        if header.size_features > 0 {
+            measures[..6].copy_from_slice(&log_sizes(segment));
+        }
+        let Context { above_ground, rings } = &segment.context;
+        measures[6] = above_ground.map_or(f64::NAN, |h| f64::from(h).max(0.0).ln_1p());
+        let around = rings.iter().flatten().map(|v| f64::from(*v));
+        measures[header.size_features..].iter_mut().zip(around).for_each(|(to, v)| *to = v);
+        measures
     }
 
     /// Runs one segment after the other on all threads.
@@ -136,21 +183,14 @@ impl Descriptor for XConv {
     }
 
     fn describe(&self, segments: &[Segment]) -> Descriptions {
-        let features = self.network.header.size_features;
         self.rows(segments.len(), |n, workspace, row| {
             let start = Instant::now();
-            let turned = self.network.header.turned;
-            sample::sample(&segments[n], turned, &mut workspace.order, &mut workspace.points);
-            let mut measures = [f64::NAN; 7 + RINGS * RING_NUMBERS];
-            if features > 0 {
-                measures[..6].copy_from_slice(&log_sizes(&segments[n]));
-            }
-            let Context { above_ground, rings } = &segments[n].context;
-            measures[6] = above_ground.map_or(f64::NAN, |h| f64::from(h).max(0.0).ln_1p());
-            let around = rings.iter().flatten().map(|v| f64::from(*v));
-            measures[features..].iter_mut().zip(around).for_each(|(to, v)| *to = v);
+            let measures = self.prepare(&segments[n], workspace);
             let spent = start.elapsed();
-            (self.network.describe(workspace, &measures[..self.network.header.measures()], row), spent)
+            (
+                self.network.describe(workspace, &measures[..self.network.header.measures()], row, &mut ()),
+                spent,
+            )
         })
     }
 }

@@ -272,7 +272,7 @@ fn blob(seed: u64) -> Vec<[f32; 3]> {
 }
 
 /// What this machine can run: the widest vectors, narrower ones, none.
-fn processors() -> Vec<Arch> {
+pub(super) fn processors() -> Vec<Arch> {
     let mut all = vec![Arch::new(), Arch::Scalar];
     #[cfg(target_arch = "x86_64")]
     all.extend(pulp::x86::V3::try_new().map(Arch::V3));

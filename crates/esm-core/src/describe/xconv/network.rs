@@ -2,20 +2,29 @@
 //!
 //! Batch norms fold exactly into the next linear step where nothing stands between: after the first lifting layer, inside
 //! the X branch, and between the fully connected layers. Those of the lifted and the previous features do not, because the
-//! X-transform of the input comes next; they are applied once a point.
+//! X-transform of the input comes next; they are applied once a point. What stands between an ELU and what folds into the next
+//! step is in units of ln 2 ([`Unit`]).
+
+use std::ops::Range;
 
 use pulp::Arch;
 
 use super::architecture::{FC1, FC2, GLOBAL, INPUT_POINTS, LAYER_TABLE, LAYERS, Layer};
 use super::neighbours::Search;
+use super::parts::{Part, Probe};
 use super::simd::{
-    Columns, ColumnsWeights, Mix, MixPart, MixWeights, Rows, RowsWeights, lanes, padded, registers,
+    Aligned, Mix, MixPart, MixWeights, Rows, RowsWeights, Sum, Transform, TransformWeights, Unit, WHOLE,
+    lanes, padded, registers,
 };
 use super::weights::{Header, Weights};
 use crate::error::Error;
 
-/// Points that go through a layer together: what they need stays in the second level of cache.
+/// Points that go through a dense layer together.
 const BLOCK: usize = 64;
+/// Points that are mixed together: their transforms stay in the first level of cache.
+const CHUNK: usize = 32;
+/// Points that are lifted together.
+const LIFT: usize = 8;
 
 /// Row-major matrix times a diagonal from the left: batch norm's scale folded into the layer after it.
 fn scaled(matrix: &[f64], scale: &[f64]) -> Vec<f64> {
@@ -37,7 +46,7 @@ fn through(shift: &[f64], matrix: &[f64]) -> Vec<f64> {
 /// The weights of one X-conv layer.
 struct XConv {
     lift: [RowsWeights; 2],
-    transform: [ColumnsWeights; 3],
+    transform: TransformWeights,
     mix: MixWeights,
     pointwise: RowsWeights,
 }
@@ -53,13 +62,13 @@ impl XConv {
         let [scale1, shift1] = weights.norm(&at("lift1"), cd)?;
         let lift2 = weights.take(&at("lift2.weight"), &[cd, cd])?;
         let [scale2, shift2] = weights.norm(&at("lift2"), cd)?;
-        let (none, one) = (vec![0.0; cd], vec![1.0; cd]);
         let lift = [
-            RowsWeights::pack(&lift1, cd, [&none, &one, &none], width),
+            RowsWeights::pack(&lift1, Unit::One, &vec![0.0; cd], None, width),
             RowsWeights::pack(
                 &scaled(&lift2, &scale1),
-                cd,
-                [&through(&shift1, &lift2), &scale2, &shift2],
+                Unit::Ln2,
+                &through(&shift1, &lift2),
+                Some([&scale2, &shift2]),
                 width,
             ),
         ];
@@ -77,17 +86,14 @@ impl XConv {
         let bias1: Vec<f64> = (0..k * k).map(|out| sum(&shift0, &x1, out)).collect();
         let bias2: Vec<f64> =
             (0..k * k).map(|out| sum(&shift1, &x2, out) * scale2[out] + shift2[out]).collect();
-        let transform = [
-            ColumnsWeights::pack([1, 3 * k, k * k], [1, 0], true, &vec![0.0; k * k], |_, i, out| {
-                x0[i * k * k + out]
-            }),
-            ColumnsWeights::pack([k, k, k], [k, 1], true, &bias1, |j, i, q| {
-                scale0[i * k + j] * x1[(i * k + j) * k + q]
-            }),
-            ColumnsWeights::pack([k, k, k], [k, 1], false, &bias2, |q, j, r| {
-                scale1[j * k + q] * x2[(j * k + q) * k + r] * scale2[q * k + r]
-            }),
-        ];
+        let transform = TransformWeights::pack(
+            k,
+            [width, registers(arch)],
+            |input, i, j| x0[input * k * k + i * k + j],
+            |i, j, q| scale0[i * k + j] * x1[(i * k + j) * k + q],
+            |j, q, r| scale1[j * k + q] * x2[(j * k + q) * k + r] * scale2[q * k + r],
+            [&bias1, &bias2],
+        );
 
         let depthwise = weights.take(&at("depthwise.weight"), &[k, cin, m])?;
         let mix = MixWeights::pack(k, m, [cd, previous], [width, registers(arch)], |k, c, q| {
@@ -107,7 +113,7 @@ impl XConv {
             out.copy_from_slice(&flat[(true_channel * m + q) * channels..][..channels]);
         }
         let none = vec![0.0; channels];
-        let pointwise = RowsWeights::pack(&pointwise, channels, [&none, &scale, &shift], width);
+        let pointwise = RowsWeights::pack(&pointwise, Unit::One, &none, Some([&scale, &shift]), width);
         Ok(Self { lift, transform, mix, pointwise })
     }
 }
@@ -124,7 +130,7 @@ fn join(
     let (top, rest) = matrix.split_at(FC2 * FC2);
     let bias = through(shift, top);
     let folded: Vec<f64> = scaled(top, scale).iter().chain(rest).copied().collect();
-    Ok(RowsWeights::pack(&folded, FC2, [&bias, &norm[0], &norm[1]], width))
+    Ok(RowsWeights::pack(&folded, Unit::One, &bias, Some([&norm[0], &norm[1]]), width))
 }
 
 /// What the pass of a segment needs in memory; made once, used for segment after segment.
@@ -133,21 +139,22 @@ pub(super) struct Workspace {
     pub(super) order: Vec<u32>,
     pub(super) points: Vec<[f32; 3]>,
     pub(super) lists: [Vec<u16>; LAYERS],
-    local_rows: Vec<f32>,
-    local_columns: Vec<f32>,
-    lifted: [Vec<f32>; 2],
-    transforms: [Vec<f32>; 2],
-    mixed: Vec<f32>,
+    local_rows: Aligned,
+    local_columns: Aligned,
+    lifted: [Aligned; 2],
+    /// Room for making transforms, and these.
+    transforms: [Aligned; 2],
+    mixed: Aligned,
     /// Features of the points of each layer; those of the last stand beside the global branch.
-    pub(super) features: [Vec<f32>; LAYERS],
-    coordinates: Vec<f32>,
-    global: Vec<f32>,
-    fc1: Vec<f32>,
-    fc2: Vec<f32>,
-    bias: Vec<f32>,
+    pub(super) features: [Aligned; LAYERS],
+    coordinates: Aligned,
+    global: Aligned,
+    fc1: Aligned,
+    fc2: Aligned,
+    bias: Aligned,
     /// Measures in units of their deviation.
     z: Vec<f64>,
-    join: [Vec<f32>; 2],
+    join: [Aligned; 2],
 }
 
 /// One network, ready to run.
@@ -165,7 +172,7 @@ pub(super) struct Network {
     /// Mean and one over deviation of the measures.
     mean: Vec<f64>,
     gain: Vec<f64>,
-    /// Of the sizes: weight beside the learned numbers; rows for the first fully connected layer.
+    /// Of the sizes: weight beside the learned numbers; rows for the first fully connected layer, in units of ln 2.
     size_weight: Vec<f64>,
     size_rows: Vec<f64>,
     quality: [Vec<f64>; 2],
@@ -189,13 +196,13 @@ impl Network {
         let [scale1, shift1] = weights.norm("global1", GLOBAL)?;
         let global2 = weights.take("global2.weight", &[GLOBAL, GLOBAL])?;
         let [scale2, shift2] = weights.norm("global2", GLOBAL)?;
-        let (none, one) = (vec![0.0; FC1], vec![1.0; FC1]);
         let global = [
-            RowsWeights::pack(&global1, GLOBAL, [&none[..GLOBAL], &one[..GLOBAL], &none[..GLOBAL]], width),
+            RowsWeights::pack(&global1, Unit::One, &[0.0; GLOBAL], None, width),
             RowsWeights::pack(
                 &scaled(&global2, &scale1),
-                GLOBAL,
-                [&through(&shift1, &global2), &scale2, &shift2],
+                Unit::Ln2,
+                &through(&shift1, &global2),
+                Some([&scale2, &shift2]),
                 width,
             ),
         ];
@@ -213,13 +220,8 @@ impl Network {
             None
         };
         let fc3 = [fc3, bias];
-        let fc2 = RowsWeights::pack(
-            &scaled(&fc2, &scale1),
-            FC2,
-            [&through(&shift1, &fc2), &one[..FC2], &none[..FC2]],
-            width,
-        );
-        let fc1 = RowsWeights::pack(&fc1, FC1, [&none, &one, &none], width);
+        let fc2 = RowsWeights::pack(&scaled(&fc2, &scale1), Unit::Ln2, &through(&shift1, &fc2), None, width);
+        let fc1 = RowsWeights::pack(&fc1, Unit::One, &[0.0; FC1], None, width);
 
         let (s, m) = (header.size_features, header.measures());
         let (mut mean, mut gain, mut size_weight, mut size_rows) =
@@ -237,6 +239,7 @@ impl Network {
         }
         if header.sizes.connected {
             size_rows = weights.take("fc1.size_weight", &[s, FC1])?;
+            size_rows.iter_mut().for_each(|v| *v *= Unit::One.factor(Unit::Ln2));
         }
         let quality =
             [weights.take("quality.weight", &[header.dim, 2])?, weights.take("quality.bias", &[2])?];
@@ -263,17 +266,20 @@ impl Network {
         let most = |of: &dyn Fn(&Layer) -> usize| LAYER_TABLE.iter().map(of).max().unwrap_or(0);
         let k = most(&|l| l.neighbours);
         let lift = most(&|l| padded(l.lift, width));
-        let mixed = self.layers.iter().map(|l| l.mix.outputs()).max().unwrap_or(0);
-        let zeros = |n: usize| vec![0.0; n];
+        let of_layers = |of: &dyn Fn(&XConv) -> usize| self.layers.iter().map(of).max().unwrap_or(0);
+        let mixed = of_layers(&|l| l.mix.outputs());
+        let row = of_layers(&|l| l.transform.row());
+        let joined = self.join.as_ref().map_or(0, |_| FC2 + self.header.measures());
+        let zeros = Aligned::zeros;
         Workspace {
-            search: Search::new(),
+            search: Search::new(self.arch),
             order: Vec::new(),
             points: Vec::with_capacity(INPUT_POINTS),
             lists: Default::default(),
-            local_rows: zeros(BLOCK * k * 3),
-            local_columns: zeros(BLOCK * k * 3),
-            lifted: [zeros(BLOCK * k * lift), zeros(BLOCK * k * lift)],
-            transforms: [zeros(BLOCK * k * k), zeros(BLOCK * k * k)],
+            local_rows: zeros(CHUNK * k * 3),
+            local_columns: zeros(CHUNK * k * 3),
+            lifted: [zeros(LIFT * k * lift), zeros(CHUNK * k * lift)],
+            transforms: [zeros(CHUNK * k * (k + 1)), zeros(CHUNK * k * row)],
             mixed: zeros(BLOCK * mixed),
             features: std::array::from_fn(|l| {
                 let pitch = if l == LAYERS - 1 { HEAD } else { LAYER_TABLE[l].channels };
@@ -283,24 +289,31 @@ impl Network {
             global: zeros(BLOCK * GLOBAL),
             fc1: zeros(BLOCK * FC1),
             fc2: zeros(BLOCK * FC2),
-            bias: Vec::with_capacity(FC1),
+            bias: zeros(FC1),
             z: Vec::new(),
-            join: [Vec::new(), zeros(FC2)],
+            join: [zeros(joined), zeros(FC2)],
         }
     }
 
     /// Describes the 256 normalised points in the workspace. `measures` are the metric sizes as the header lists them, NaN
     /// where unknown, then the context. Fills the descriptor and returns the quality.
-    pub(super) fn describe(&self, w: &mut Workspace, measures: &[f64], out: &mut [f32]) -> f32 {
+    pub(super) fn describe(
+        &self,
+        w: &mut Workspace,
+        measures: &[f64],
+        out: &mut [f32],
+        probe: &mut impl Probe,
+    ) -> f32 {
         w.search.lists(&w.points, &self.header.plan, &mut w.lists);
+        probe.ended(Part::Neighbours);
         for layer in 0..LAYERS {
-            self.xconv(layer, w);
+            self.xconv(layer, w, probe);
         }
         // What is not known is the mean.
         let measures = measures.iter().zip(&self.mean).zip(&self.gain);
         w.z.clear();
         w.z.extend(measures.map(|((s, mean), gain)| if s.is_finite() { (s - mean) * gain } else { 0.0 }));
-        let mean = self.head(w);
+        let mean = self.head(w, probe);
         let mean = self.joined(w, mean);
         let [fc3, bias] = &self.fc3;
         let learned = self.header.learned;
@@ -317,89 +330,105 @@ impl Network {
                 out.iter().zip(weight[n..].iter().step_by(2)).map(|(d, w)| f64::from(*d) * w).sum();
             (sum + bias[n]) / self.header.temperature
         };
-        (1.0 / (1.0 + (logit(0) - logit(1)).exp())) as f32
+        let quality = (1.0 / (1.0 + (logit(0) - logit(1)).exp())) as f32;
+        probe.ended(Part::Head);
+        quality
     }
 
     /// One X-conv layer, block by block.
-    fn xconv(&self, n: usize, w: &mut Workspace) {
+    fn xconv(&self, n: usize, w: &mut Workspace, probe: &mut impl Probe) {
         let (layer, weights) = (&LAYER_TABLE[n], &self.layers[n]);
-        let k = layer.neighbours;
         let last = n == LAYERS - 1;
-        let (before, rest) = w.features.split_at_mut(n);
-        let previous: &[f32] = before.last().map_or(&[], Vec::as_slice);
         let (pitch, start) = if last { (HEAD, GLOBAL) } else { (layer.channels, 0) };
         let kept = self.header.plan.0[n];
         for first in (0..kept).step_by(BLOCK) {
-            let count = BLOCK.min(kept - first);
-            // Whole vectors of points; what lies beyond the last point is computed and not read.
-            let wide = padded(count, lanes(self.arch));
-            let list = &w.lists[n][first * k..(first + count) * k];
-            for (p, near) in list.chunks_exact(k).enumerate() {
-                let query = w.points[first + p];
-                for (j, index) in near.iter().enumerate() {
-                    let point = w.points[usize::from(*index)];
-                    for a in 0..3 {
-                        let local = point[a] - query[a];
-                        w.local_rows[(p * k + j) * 3 + a] = local;
-                        w.local_columns[(j * 3 + a) * wide + p] = local;
-                    }
+            let block = first..kept.min(first + BLOCK);
+            for point in block.clone().step_by(CHUNK) {
+                let chunk = point..block.end.min(point + CHUNK);
+                self.mixed(n, chunk, (point - first) * weights.mix.outputs(), w, probe);
+            }
+            self.arch.dispatch(Rows {
+                weights: &weights.pointwise,
+                bias: &weights.pointwise.bias,
+                input: &w.mixed,
+                input_pitch: weights.mix.outputs(),
+                output: &mut w.features[n][first * pitch + start..],
+                output_pitch: pitch,
+                count: block.len(),
+            });
+            probe.ended(Part::Pointwise(n));
+        }
+    }
+
+    /// The transformed and convolved features of a chunk of points in layer `n`, from place `at` of [`Workspace::mixed`] on.
+    fn mixed(&self, n: usize, chunk: Range<usize>, at: usize, w: &mut Workspace, probe: &mut impl Probe) {
+        let (k, weights) = (LAYER_TABLE[n].neighbours, &self.layers[n]);
+        let count = chunk.len();
+        // What lies beyond the last point is computed and not read.
+        let wide = padded(count, WHOLE);
+        let list = &w.lists[n][chunk.start * k..chunk.end * k];
+        for (p, near) in list.chunks_exact(k).enumerate() {
+            let query = w.points[chunk.start + p];
+            for (j, index) in near.iter().enumerate() {
+                let point = w.points[usize::from(*index)];
+                for a in 0..3 {
+                    let local = point[a] - query[a];
+                    w.local_rows[(p * k + j) * 3 + a] = local;
+                    w.local_columns[(j * 3 + a) * wide + p] = local;
                 }
             }
-            let [lifted1, lifted2] = &mut w.lifted;
-            let [lift1, lift2] = &weights.lift;
-            let width = lift1.outputs;
+        }
+        probe.ended(Part::Local(n));
+        let [lifted1, lifted2] = &mut w.lifted;
+        let [lift1, lift2] = &weights.lift;
+        let width = lift1.outputs;
+        for p in (0..count).step_by(LIFT) {
+            let rows = LIFT.min(count - p) * k;
             self.arch.dispatch(Rows {
                 weights: lift1,
                 bias: &lift1.bias,
-                input: &w.local_rows,
+                input: &w.local_rows[p * k * 3..],
                 input_pitch: 3,
                 output: lifted1,
                 output_pitch: width,
-                count: count * k,
+                count: rows,
             });
             self.arch.dispatch(Rows {
                 weights: lift2,
                 bias: &lift2.bias,
                 input: lifted1,
                 input_pitch: width,
-                output: lifted2,
+                output: &mut lifted2[p * k * width..],
                 output_pitch: width,
-                count: count * k,
-            });
-            let [a, b] = &mut w.transforms;
-            let [x0, x1, x2] = &weights.transform;
-            self.arch.dispatch(Columns { weights: x0, input: &w.local_columns, output: a, points: wide });
-            self.arch.dispatch(Columns { weights: x1, input: a, output: b, points: wide });
-            self.arch.dispatch(Columns { weights: x2, input: b, output: a, points: wide });
-            self.arch.dispatch(Mix {
-                weights: &weights.mix,
-                transform: a,
-                pitch: wide,
-                parts: [
-                    MixPart { table: lifted2, rows: None },
-                    MixPart { table: previous, rows: Some(list) },
-                ],
-                output: &mut w.mixed,
-                count,
-            });
-            self.arch.dispatch(Rows {
-                weights: &weights.pointwise,
-                bias: &weights.pointwise.bias,
-                input: &w.mixed,
-                input_pitch: weights.mix.outputs(),
-                output: &mut rest[0][first * pitch + start..],
-                output_pitch: pitch,
-                count,
+                count: rows,
             });
         }
+        probe.ended(Part::Lift(n));
+        let [work, transform] = &mut w.transforms;
+        self.arch.dispatch(Transform {
+            weights: &weights.transform,
+            local: &w.local_columns,
+            points: wide,
+            work,
+            output: transform,
+        });
+        probe.ended(Part::Transform(n));
+        let previous: &[f32] = if n == 0 { &[] } else { &w.features[n - 1] };
+        self.arch.dispatch(Mix {
+            weights: &weights.mix,
+            transform,
+            parts: [MixPart { table: lifted2, rows: None }, MixPart { table: previous, rows: Some(list) }],
+            output: &mut w.mixed[at..],
+            count,
+        });
+        probe.ended(Part::Mix(n));
     }
 
     /// The global branch and the fully connected layers; returns the mean over the points of what leaves the second one,
     /// before its batch norm.
-    fn head(&self, w: &mut Workspace) -> [f64; FC2] {
+    fn head(&self, w: &mut Workspace, probe: &mut impl Probe) -> [f64; FC2] {
         let kept = self.header.plan.0[LAYERS - 1];
-        w.bias.clear();
-        w.bias.extend_from_slice(&self.fc1.bias);
+        w.bias.copy_from_slice(&self.fc1.bias);
         for (row, z) in self.size_rows.chunks_exact(FC1).zip(&w.z) {
             w.bias.iter_mut().zip(row).for_each(|(b, r)| *b += (z * r) as f32);
         }
@@ -429,6 +458,7 @@ impl Network {
                 output_pitch: HEAD,
                 count,
             });
+            probe.ended(Part::Global);
             self.arch.dispatch(Rows {
                 weights: &self.fc1,
                 bias: &w.bias,
@@ -447,19 +477,18 @@ impl Network {
                 output_pitch: FC2,
                 count,
             });
-            for row in w.fc2.chunks_exact(FC2).take(count) {
-                mean.iter_mut().zip(row).for_each(|(m, v)| *m += f64::from(*v));
-            }
+            probe.ended(Part::Connected);
+            self.arch.dispatch(Sum { rows: &w.fc2[..count * FC2], sums: &mut mean });
+            probe.ended(Part::Head);
         }
-        mean.map(|m| m / kept as f64)
+        mean.map(|m| m * Unit::Ln2.factor(Unit::One) / kept as f64)
     }
 
     /// Joins what the points say with sizes and context, where the network does.
     fn joined(&self, w: &mut Workspace, mean: [f64; FC2]) -> [f64; FC2] {
         let Some(join) = &self.join else { return mean };
         let [input, output] = &mut w.join;
-        input.clear();
-        input.extend(mean.iter().chain(&w.z).map(|v| *v as f32));
+        input.iter_mut().zip(mean.iter().chain(&w.z)).for_each(|(to, v)| *to = *v as f32);
         self.arch.dispatch(Rows {
             weights: join,
             bias: &join.bias,

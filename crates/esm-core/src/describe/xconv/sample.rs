@@ -73,13 +73,22 @@ fn hash(points: &[[f32; 3]]) -> u64 {
     let mut hash = 0xCBF2_9CE4_8422_2325u64;
     for p in points {
         for a in 0..3 {
-            let step = ((p[a] - first[a]) * 64.0).round() as i32;
+            let step = rounded((p[a] - first[a]) * 64.0);
             for byte in step.to_le_bytes() {
                 hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3);
             }
         }
     }
     hash
+}
+
+/// The nearest whole number, halves away from zero, as `f32::round` has it, which is a call where the processor is not known to have
+/// an instruction for it.
+fn rounded(x: f32) -> i32 {
+    let whole = x as i32;
+    // Exact: where x has a broken part it is below 2^23.
+    let rest = x - whole as f32;
+    whole.saturating_add(i32::from(rest >= 0.5) - i32::from(rest <= -0.5))
 }
 
 /// Uniform in 0..n, n > 0 (Lemire, "Fast random integer generation in an interval", 2019, without the rejection: the bias
@@ -167,6 +176,19 @@ mod tests {
             normalise(&mut other, true);
             let off = first.iter().flatten().zip(other.iter().flatten()).map(|(a, b)| (a - b).abs());
             assert!(off.fold(0.0, f32::max) < 1e-4, "{degrees} degrees");
+        }
+    }
+
+    #[test]
+    fn rounding_is_that_of_the_library() {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let any = (0..1_000_000).map(|_| f32::from_bits(random.next_u32()));
+        let near = (-40..40).flat_map(|n| {
+            [-1, 0, 1].map(|d| f32::from_bits((n as f32 / 2.0).to_bits().wrapping_add_signed(d)))
+        });
+        let ends = [f32::MAX, f32::MIN, f32::INFINITY, f32::NEG_INFINITY, 8_388_607.5, 2_147_483_520.0];
+        for x in any.chain(near).chain(ends).filter(|x| !x.is_nan()) {
+            assert_eq!(rounded(x), x.round() as i32, "{x}");
         }
     }
 

@@ -2,10 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::{arrays, arrays_mut, padded};
-
-/// Rows of FX a tile holds.
-const TILE: usize = 4;
+use super::{Aligned, arrays, arrays_mut, padded};
 
 /// Depthwise weights, packed in blocks of vectors of channels.
 pub(crate) struct MixWeights {
@@ -14,15 +11,15 @@ pub(crate) struct MixWeights {
     /// Channels of the lifted coordinates and of the layer before, whole vectors each.
     pub(crate) widths: [usize; 2],
     /// For each part and each of its strips of vectors: neighbour, multiplier, channel.
-    packed: [Vec<f32>; 2],
+    packed: [Aligned; 2],
 }
 
 /// Vectors of the next strip of a part that has `left` vectors to go.
 #[inline(always)]
-fn strip(left: usize, registers: usize) -> usize {
+fn strip(left: usize, registers: usize, multiplier: usize) -> usize {
     match left {
         4.. if registers >= 32 => 4,
-        2.. => 2,
+        2.. if registers >= 32 || multiplier < 4 => 2,
         _ => 1,
     }
 }
@@ -42,7 +39,7 @@ impl MixWeights {
             let mut packed = Vec::new();
             let mut done = 0;
             while done < vectors {
-                let n = strip(vectors - done, registers);
+                let n = strip(vectors - done, registers, multiplier);
                 for k in 0..neighbours {
                     for q in 0..multiplier {
                         packed.extend(
@@ -53,7 +50,7 @@ impl MixWeights {
                 }
                 done += n;
             }
-            packed
+            packed.into()
         };
         let packed = [pack(0, widths[0]), pack(widths[0], widths[1])];
         Self { neighbours, multiplier, widths: widths.map(|w| padded(w, lanes)), packed }
@@ -74,9 +71,8 @@ pub(crate) struct MixPart<'a> {
 /// Transforms and convolves the features of `count` points.
 pub(crate) struct Mix<'a> {
     pub(crate) weights: &'a MixWeights,
-    /// K x K rows of `pitch` points.
+    /// For each point K rows of K numbers in whole vectors, as [`Transform`](super::Transform) leaves them.
     pub(crate) transform: &'a [f32],
-    pub(crate) pitch: usize,
     pub(crate) parts: [MixPart<'a>; 2],
     /// [`MixWeights::outputs`] numbers a point.
     pub(crate) output: &'a mut [f32],
@@ -88,37 +84,42 @@ impl WithSimd for Mix<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match self.weights.multiplier {
-            4 => self.points::<S, 4>(simd),
-            _ => self.points::<S, 2>(simd),
+        match (self.weights.multiplier, self.weights.neighbours) {
+            (4, _) => self.points::<S, 4, 8>(simd),
+            (_, 12) => self.points::<S, 2, 12>(simd),
+            _ => self.points::<S, 2, 16>(simd),
         }
     }
 }
 
 impl Mix<'_> {
     #[inline(always)]
-    fn points<S: Simd, const M: usize>(mut self, simd: S) {
-        let k = self.weights.neighbours;
-        // The point's own transform, columns first, so that four rows of FX read four neighbours in memory.
-        let mut own = [[0f32; TILE]; 16 * 16 / TILE];
+    fn points<S: Simd, const M: usize, const K: usize>(mut self, simd: S) {
         for p in 0..self.count {
-            for tile in 0..k / TILE {
-                for j in 0..k {
-                    own[tile * k + j] =
-                        std::array::from_fn(|r| self.transform[((tile * TILE + r) * k + j) * self.pitch + p]);
-                }
-            }
             let mut channel = 0;
             for part in 0..2 {
-                let vectors = self.weights.widths[part] / S::F32_LANES;
+                let wide = self.weights.widths[part];
+                let mut rows = [0; K];
+                for j in 0..K {
+                    rows[j] = match self.parts[part].rows {
+                        Some(rows) => usize::from(rows[p * K + j]) * wide,
+                        None => (p * K + j) * wide,
+                    };
+                }
+                let vectors = wide / S::F32_LANES;
                 let mut done = 0;
                 while done < vectors {
-                    let n = strip(vectors - done, S::REGISTER_COUNT);
+                    let n = strip(vectors - done, S::REGISTER_COUNT, M);
                     let at = [part, p, done, channel];
-                    match n {
-                        4 => self.strip::<S, 4, M>(simd, &own, at),
-                        2 => self.strip::<S, 2, M>(simd, &own, at),
-                        _ => self.strip::<S, 1, M>(simd, &own, at),
+                    // About sixteen sums where the processor has registers for them, so that none waits for another.
+                    match (n, S::REGISTER_COUNT >= 32) {
+                        (4, _) => self.strip::<S, 4, M, K, 4>(simd, &rows, at),
+                        (2, true) if K == 12 => self.strip::<S, 2, M, K, 12>(simd, &rows, at),
+                        (2, true) => self.strip::<S, 2, M, K, 8>(simd, &rows, at),
+                        (2, false) => self.strip::<S, 2, M, K, 4>(simd, &rows, at),
+                        (_, true) => self.strip::<S, 1, M, K, K>(simd, &rows, at),
+                        _ if K == 12 => self.strip::<S, 1, M, K, 6>(simd, &rows, at),
+                        _ => self.strip::<S, 1, M, K, 8>(simd, &rows, at),
                     }
                     done += n;
                     channel += n * S::F32_LANES;
@@ -127,39 +128,35 @@ impl Mix<'_> {
         }
     }
 
-    /// N vectors of channels of one point.
+    /// N vectors of channels of one point, T rows of FX at a time.
     #[inline(always)]
-    fn strip<S: Simd, const N: usize, const M: usize>(
+    fn strip<S: Simd, const N: usize, const M: usize, const K: usize, const T: usize>(
         &mut self,
         simd: S,
-        own: &[[f32; TILE]; 16 * 16 / TILE],
+        rows: &[usize; K],
         [part, p, done, channel]: [usize; 4],
     ) {
-        let (k, lanes) = (self.weights.neighbours, S::F32_LANES);
-        let wide = self.weights.widths[part];
-        let packed = &self.weights.packed[part][done * lanes * k * M..][..N * lanes * k * M];
+        let lanes = S::F32_LANES;
+        let pitch = K.next_multiple_of(lanes);
+        let packed = &self.weights.packed[part][done * lanes * K * M..][..N * lanes * K * M];
         let (weights, _) = arrays::<S, N>(packed).as_chunks::<M>();
-        let source = &self.parts[part];
+        let table = self.parts[part].table;
         let mut sums = [[simd.splat_f32s(0.0); N]; M];
-        for tile in 0..k / TILE {
-            let transform = &own[tile * k..][..k];
-            let mut mixed = [[simd.splat_f32s(0.0); N]; TILE];
-            for j in 0..k {
-                let row = match source.rows {
-                    Some(rows) => usize::from(rows[p * k + j]),
-                    None => p * k + j,
-                };
-                let at = row * wide + done * lanes;
-                let features = &arrays::<S, N>(&source.table[at..at + N * lanes])[0];
-                for r in 0..TILE {
-                    let x = simd.splat_f32s(transform[j][r]);
+        for tile in 0..K / T {
+            let own = &self.transform[(p * K + tile * T) * pitch..][..T * pitch];
+            let mut mixed = [[simd.splat_f32s(0.0); N]; T];
+            for j in 0..K {
+                let at = rows[j] + done * lanes;
+                let features = &arrays::<S, N>(&table[at..at + N * lanes])[0];
+                for r in 0..T {
+                    let x = simd.splat_f32s(own[r * pitch + j]);
                     for n in 0..N {
                         mixed[r][n] = simd.mul_add_e_f32s(x, features[n], mixed[r][n]);
                     }
                 }
             }
-            let weights = &weights[tile * TILE..][..TILE];
-            for r in 0..TILE {
+            let weights = &weights[tile * T..][..T];
+            for r in 0..T {
                 for q in 0..M {
                     for n in 0..N {
                         sums[q][n] = simd.mul_add_e_f32s(mixed[r][n], weights[r][q][n], sums[q][n]);

@@ -5,14 +5,21 @@
 // features, which costs a factor of three.
 #![allow(clippy::needless_range_loop)]
 
-mod columns;
+mod aligned;
 mod elu;
 mod mix;
 mod rows;
+mod sorted;
+mod sum;
+mod transform;
 
-pub(super) use columns::{Columns, ColumnsWeights};
+pub(super) use aligned::Aligned;
+pub(super) use elu::Unit;
 pub(super) use mix::{Mix, MixPart, MixWeights};
 pub(super) use rows::{Rows, RowsWeights};
+pub(super) use sorted::{INDEX, Lowest, kept};
+pub(super) use sum::Sum;
+pub(super) use transform::{Transform, TransformWeights, WHOLE};
 
 use pulp::{Arch, Simd, WithSimd};
 

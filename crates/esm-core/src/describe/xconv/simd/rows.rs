@@ -2,55 +2,63 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::elu::elu;
-use super::{arrays, arrays_mut, padded};
+use super::elu::{Unit, elu};
+use super::{Aligned, arrays, arrays_mut, padded};
 
-/// A dense layer `y = ELU(x W + bias) * scale + shift`, packed in panels of one or two vectors of columns.
+/// A dense layer `y = ELU(x W + bias)`, or `y = ELU(x W + bias) * scale + shift`, packed in panels of one or two vectors of
+/// columns.
 pub(crate) struct RowsWeights {
     inputs: usize,
     /// Columns, whole vectors.
     pub(crate) outputs: usize,
     /// Vectors a panel.
     panel: usize,
-    packed: Vec<f32>,
-    pub(crate) bias: Vec<f32>,
-    scale: Vec<f32>,
-    shift: Vec<f32>,
+    packed: Aligned,
+    /// In units of ln 2.
+    pub(crate) bias: Aligned,
+    norm: Option<[Aligned; 2]>,
 }
 
 impl RowsWeights {
-    /// Packs a row-major `inputs` x `outputs` matrix, and its three vectors of `outputs` numbers.
+    /// Packs a row-major `inputs` x `outputs` matrix for inputs in a unit, its bias, and the scale and shift of its batch norm.
+    /// Without these what comes out is in units of ln 2.
     pub(crate) fn pack(
         matrix: &[f64],
-        outputs: usize,
-        [bias, scale, shift]: [&[f64]; 3],
+        unit: Unit,
+        bias: &[f64],
+        norm: Option<[&[f64]; 2]>,
         lanes: usize,
     ) -> Self {
+        let outputs = bias.len();
         let inputs = matrix.len() / outputs;
         let wide = padded(outputs, lanes);
         let panel = if (wide / lanes).is_multiple_of(2) { 2 } else { 1 };
+        let factor = unit.factor(Unit::Ln2);
         let mut packed = Vec::with_capacity(inputs * wide);
         for first in (0..wide).step_by(panel * lanes) {
             for row in matrix.chunks_exact(outputs) {
                 packed.extend(
-                    (first..first + panel * lanes).map(|c| row.get(c).copied().unwrap_or(0.0) as f32),
+                    (first..first + panel * lanes)
+                        .map(|c| (row.get(c).copied().unwrap_or(0.0) * factor) as f32),
                 );
             }
         }
-        let wide = |v: &[f64]| {
-            let mut v: Vec<f32> = v.iter().map(|v| *v as f32).collect();
+        let vector = |v: &[f64], factor: f64| {
+            let mut v: Vec<f32> = v.iter().map(|v| (*v * factor) as f32).collect();
             v.resize(wide, 0.0);
-            v
+            Aligned::from(v)
         };
-        let [bias, scale, shift] = [bias, scale, shift].map(wide);
-        Self { inputs, outputs: bias.len(), panel, packed, bias, scale, shift }
+        let norm =
+            norm.map(|[scale, shift]| [vector(scale, Unit::Ln2.factor(Unit::One)), vector(shift, 1.0)]);
+        let bias = vector(bias, Unit::One.factor(Unit::Ln2));
+        Self { inputs, outputs: wide, panel, packed: packed.into(), bias, norm }
     }
 }
 
 /// Runs a dense layer over `count` rows.
 pub(crate) struct Rows<'a> {
     pub(crate) weights: &'a RowsWeights,
-    /// Added before the activation, one number a column; the layer's own or one for this batch.
+    /// Added before the activation, one number a column, in units of ln 2; the layer's own or one for this batch.
     pub(crate) bias: &'a [f32],
     pub(crate) input: &'a [f32],
     pub(crate) input_pitch: usize,
@@ -115,14 +123,23 @@ impl Rows<'_> {
                 }
             }
         }
-        let scale = arrays::<S, N>(&self.weights.scale[column..wide])[0];
-        let shift = arrays::<S, N>(&self.weights.shift[column..wide])[0];
+        for r in 0..R {
+            for n in 0..N {
+                sums[r][n] = elu(simd, sums[r][n]);
+            }
+        }
+        if let Some([scale, shift]) = &self.weights.norm {
+            let scale = arrays::<S, N>(&scale[column..wide])[0];
+            let shift = arrays::<S, N>(&shift[column..wide])[0];
+            for r in 0..R {
+                for n in 0..N {
+                    sums[r][n] = simd.mul_add_e_f32s(sums[r][n], scale[n], shift[n]);
+                }
+            }
+        }
         for r in 0..R {
             let at = (row + r) * self.output_pitch + column;
-            let out = &mut arrays_mut::<S, N>(&mut self.output[at..at + N * lanes])[0];
-            for n in 0..N {
-                out[n] = simd.mul_add_e_f32s(elu(simd, sums[r][n]), scale[n], shift[n]);
-            }
+            arrays_mut::<S, N>(&mut self.output[at..at + N * lanes])[0] = sums[r];
         }
     }
 }
