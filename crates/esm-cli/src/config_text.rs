@@ -141,7 +141,8 @@ const MEANINGS: &[(&str, &str)] = &[
     ("verify.rays", "Live rays that are looked at for free space."),
     (
         "verify.max_free_space_violated",
-        "Share of them that may pass through what the map holds as solid, 0 to 1.",
+        "Share of them that may pass through what the map holds as solid, 0 to 1; 1 lets free space decide nothing. Right places \
+         have 0.06 at most.",
     ),
     (
         "verify.max_runner_up",

@@ -220,10 +220,12 @@ mod tests {
     }
 
     #[test]
-    fn a_place_that_is_seen_through_is_not_believed() {
+    fn a_place_that_is_seen_through_is_not_believed_where_asked_for() {
         let mut places = twice(5, 7.0, 2.1);
         places[0].verified.free_space_violated = 0.3;
-        let judged = judge(&places, &VerifyConfig::default());
+        assert_eq!(judge(&places, &VerifyConfig::default()).verdict, Verdict::Located, "unless asked for");
+        let strict = VerifyConfig { max_free_space_violated: 0.15, ..VerifyConfig::default() };
+        let judged = judge(&places, &strict);
         assert_eq!(judged.verdict, Verdict::NotFound);
         assert!(judged.reason.unwrap().contains("30 % of the rays"));
     }
