@@ -50,6 +50,21 @@ const MEANINGS: &[(&str, &str)] = &[
         "accumulate.max_step_m",
         "A longer step between two sweeps is a gap or a jump and breaks the accumulation, metres.",
     ),
+    (
+        "odometry",
+        "How far the motion between the sweeps of a live cloud is off, as standard deviations: what the covariance of a pose \
+         adds to what the points tell.",
+    ),
+    ("odometry.drift", "Error along the travel, metres a metre; across it three tenths of that."),
+    ("odometry.turn_deg_per_m", "Error of the heading, degrees a metre."),
+    ("odometry.jitter_m", "Error of every pose that does not add up, metres along each axis."),
+    ("odometry.jitter_deg", "The same about each axis, degrees."),
+    ("odometry.jitter_heading_deg", "The same of the heading, which gravity does not hold, degrees."),
+    (
+        "odometry.distortion_m",
+        "What the motion during a sweep does to it, metres; 0 where the driver puts its points right. Many sweeps average over it.",
+    ),
+    ("odometry.distortion_deg", "The same about each axis, degrees."),
     ("segment", "From clouds to segments."),
     ("segment.voxel", "The cloud is thinned to one point a voxel of this edge, metres."),
     ("segment.tolerance", "Points nearer than this to each other belong to one segment, metres."),
@@ -133,6 +148,12 @@ const MEANINGS: &[(&str, &str)] = &[
     (
         "verify.max_false_per_thousand",
         "Expected false localizations in a thousand clouds: a place is believed only when its evidence makes it that rare.",
+    ),
+    ("verify.rays", "Live rays that are looked at for free space."),
+    (
+        "verify.max_free_space_violated",
+        "Share of them that may pass through what the map holds as solid, 0 to 1; 1 lets free space decide nothing. Right places \
+         have 0.06 at most.",
     ),
     (
         "verify.max_runner_up",

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::cloud::{PointCloud, Pose, transform_point};
@@ -113,8 +114,29 @@ pub struct LiveCloud {
     pub travel_m: f64,
     /// Sweeps in the cloud.
     pub sweeps: usize,
+    /// Where each sweep was seen from, in the order of the cloud's points, the newest last; empty where that is not known.
+    pub viewpoints: Vec<Viewpoint>,
     /// Time it took to put together.
     pub elapsed: Duration,
+}
+
+/// Where some points of a live cloud were seen from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Viewpoint {
+    /// The sensor then, in the newest sensor frame, metres.
+    pub origin_sensor: [f32; 3],
+    /// How many points, after those of the viewpoints before.
+    pub points: usize,
+}
+
+impl LiveCloud {
+    /// Where the cloud was seen from on average, in the newest sensor frame, metres; `None` where that is not known.
+    pub fn middle_sensor(&self) -> Option<Vector3<f64>> {
+        let points: usize = self.viewpoints.iter().map(|v| v.points).sum();
+        let sum: Vector3<f64> =
+            self.viewpoints.iter().map(|v| Vector3::from(v.origin_sensor).cast() * v.points as f64).sum();
+        (points > 0).then(|| sum / points as f64)
+    }
 }
 
 struct Kept {
@@ -181,6 +203,7 @@ impl Accumulator {
         let Some(pose) = pose_odom_sensor else {
             return Some(LiveCloud {
                 stamp,
+                viewpoints: vec![Viewpoint { origin_sensor: [0.0; 3], points: points_sensor.len() }],
                 cloud: PointCloud::from_finite(points_sensor).0,
                 pose_odom_sensor: None,
                 distance_m: 0.0,
@@ -209,15 +232,24 @@ impl Accumulator {
 
         let due = !self.config.swathes || held_m >= self.config.distance_m;
         let live = due.then(|| {
-            let mut points = Vec::new();
+            let (mut points, mut viewpoints) = (Vec::new(), Vec::with_capacity(self.kept.len() + 1));
             for old in &self.kept {
                 let pose_sensor_old = pose.inv_mul(&old.pose_odom_sensor);
                 points.extend(old.points_sensor.iter().map(|p| transform_point(&pose_sensor_old, *p)));
+                let origin_sensor = pose_sensor_old.translation.vector.map(|v| v as f32).into();
+                viewpoints.push(Viewpoint { origin_sensor, points: old.points_sensor.len() });
             }
             points.extend_from_slice(&newest.points_sensor);
+            viewpoints.push(Viewpoint { origin_sensor: [0.0; 3], points: newest.points_sensor.len() });
+            let (cloud, dropped) = PointCloud::from_finite(points);
+            if dropped > 0 {
+                // Poses beyond the range of f32: which point is whose is lost.
+                viewpoints.clear();
+            }
             LiveCloud {
                 stamp,
-                cloud: PointCloud::from_finite(points).0,
+                cloud,
+                viewpoints,
                 pose_odom_sensor: Some(pose),
                 distance_m: self.config.distance_m,
                 travel_m: held_m,
@@ -292,6 +324,9 @@ mod tests {
     #[test]
     fn points_are_in_the_newest_frame() {
         let clouds = drive(config(4.0), 3, 1.0);
+        let origins: Vec<f32> = clouds[2].viewpoints.iter().map(|v| v.origin_sensor[0]).collect();
+        assert_eq!(origins, [-2.0, -1.0, 0.0], "and so is where each was seen from");
+        assert_eq!(clouds[2].middle_sensor(), Some(Vector3::new(-1.0, 0.0, 0.0)));
         let mut xs: Vec<f32> = clouds[2].cloud.points().iter().map(|p| p[0]).collect();
         xs.sort_by(f32::total_cmp);
         assert_eq!(xs, [1.0, 2.0, 3.0]);

@@ -8,6 +8,7 @@ use crate::error::Error;
 use crate::estimate::PoseConfig;
 use crate::map::BuildConfig;
 use crate::matching::MatchConfig;
+use crate::odometry::OdometryConfig;
 use crate::segment::SegmentConfig;
 use crate::sequence::SequenceConfig;
 use crate::verify::VerifyConfig;
@@ -22,6 +23,8 @@ pub struct Config {
     pub seed: u64,
     /// From sweeps to live clouds.
     pub accumulate: AccumulateConfig,
+    /// How far the motion between the sweeps of a cloud is off.
+    pub odometry: OdometryConfig,
     /// From clouds to segments.
     pub segment: SegmentConfig,
     /// From descriptors to candidate matches.
@@ -43,6 +46,7 @@ impl Default for Config {
             descriptor: describe::NAMES[0].to_owned(),
             seed: 0,
             accumulate: AccumulateConfig::default(),
+            odometry: OdometryConfig::default(),
             segment: SegmentConfig::default(),
             matching: MatchConfig::default(),
             pose: PoseConfig::default(),
@@ -61,6 +65,7 @@ impl Config {
     pub fn check(&self) -> Result<(), Error> {
         describe::check_name(&self.descriptor)?;
         self.accumulate.check()?;
+        self.odometry.check()?;
         self.segment.check()?;
         self.matching.check()?;
         self.pose.check()?;

@@ -71,13 +71,14 @@ pub mod localizer;
 pub mod loops;
 pub mod map;
 pub mod matching;
+pub mod odometry;
 pub mod segment;
 pub mod sequence;
 
 mod verdict;
 pub mod verify;
 
-pub use accumulate::{AccumulateConfig, Accumulator, LiveCloud};
+pub use accumulate::{AccumulateConfig, Accumulator, LiveCloud, Viewpoint};
 pub use cloud::{PointCloud, Pose, transform_point};
 pub use config::Config;
 pub use describe::{Descriptions, Descriptor};
@@ -86,4 +87,5 @@ pub use localization::{Localization, MatchedSegment, Timings, Verdict};
 pub use localizer::Localizer;
 pub use loops::{LoopAnswer, LoopClosure, LoopFinder};
 pub use map::{Map, MapBuilder};
+pub use odometry::OdometryConfig;
 pub use sequence::{SequenceConfig, SequenceLocalizer};

@@ -95,7 +95,9 @@ pub struct Localization {
     pub reason: Option<String>,
     /// Pose of the newest sensor frame in the map; also given, as a guess, where the verdict is `ambiguous`.
     pub pose_map_sensor: Option<Pose>,
-    /// Row-major 6 x 6, order x y z rx ry rz in m and rad: of a right perturbation in the sensor frame.
+    /// Row-major 6 x 6, order x y z rx ry rz in m and rad: of a right perturbation in the sensor frame. What the points tell, what
+    /// the odometry within the cloud may have got wrong ([`OdometryConfig`](crate::OdometryConfig)), and how far apart the map
+    /// holds the place where it holds it twice.
     pub covariance: Option<[f64; 36]>,
     /// Metres of travel the cloud holds.
     pub travel_m: f64,
@@ -111,6 +113,8 @@ pub struct Localization {
     pub overlap: f64,
     /// Share of the live points above the ground that lie where the map has been seen.
     pub seen: f64,
+    /// Share of the live rays that pass through what the map holds as solid, well before they reach what they saw.
+    pub free_space_violated: f64,
     /// The score of the best other place, 0 where there is none.
     pub runner_up: f64,
     /// The pose of that other place.

@@ -17,7 +17,7 @@ use crate::map::Map;
 use crate::matching::candidates;
 use crate::segment::{Segment, Segmentation, segment};
 use crate::verdict::{Judged, Place, judge};
-use crate::verify::{LivePoints, Shifts, Surroundings, verify};
+use crate::verify::{LivePoints, Shifts, Surroundings, rays, verify};
 
 /// Finds live clouds in a prior map. Every cloud stands for itself: nothing is kept from one to the next.
 pub struct Localizer {
@@ -106,7 +106,8 @@ impl Localizer {
             let pose_map_sensor = self.to_origin_frame(pose_map_sensor);
             Hypothesis { pose_map_sensor, support: consensus.support(&pose_map_sensor) }
         }));
-        let places = self.verify(&cloud, &candidates, hypotheses)?;
+        let points = LivePoints::new(&cloud, &self.config.verify).with_rays(rays(live, self.config.verify.rays));
+        let places = self.verify(&points, &candidates, hypotheses)?;
         clock.lap(|t| &mut t.verification);
         Ok(Look { cloud, candidates, places, timings: clock.timings })
     }
@@ -122,18 +123,17 @@ impl Localizer {
     /// Refines each place on points and counts its support again; places that come to coincide are one. Best first.
     fn verify(
         &self,
-        cloud: &Segmentation,
+        live: &LivePoints,
         candidates: &[Candidate],
         hypotheses: Vec<Hypothesis>,
     ) -> Result<Vec<Place>, Error> {
         let config = &self.config.pose;
-        let live = LivePoints::new(cloud, &self.config.verify);
         let mut consensus = NearCentroids::new(candidates, config.inlier_m as f32, 0.0);
         let mut places: Vec<Place> = Vec::new();
         for hypothesis in hypotheses {
             let at = hypothesis.pose_map_sensor.translation.vector.map(|v| v as f32);
             let surface = self.surroundings.surface([at.x, at.y, at.z])?;
-            let verified = verify(&surface, &live, &hypothesis.pose_map_sensor);
+            let verified = verify(&surface, live, &hypothesis.pose_map_sensor);
             let pose_map_sensor = verified.refined.pose_map_sensor;
             let place = Place::new(consensus.support(&pose_map_sensor), verified, candidates);
             let twin = |p: &&mut Place| same_place(&p.pose_map_sensor, &pose_map_sensor, config.distinct_m);
@@ -143,7 +143,7 @@ impl Localizer {
                 None => places.push(place),
             }
         }
-        if let Some(twin) = self.twin(&places, candidates, &live, &mut consensus)? {
+        if let Some(twin) = self.twin(&places, candidates, live, &mut consensus)? {
             let at = twin.pose_map_sensor;
             match places.iter_mut().find(|p| same_place(&p.pose_map_sensor, &at, config.distinct_m)) {
                 Some(known) => known.score = known.score.max(twin.score),
@@ -200,6 +200,7 @@ impl Localizer {
             score: 0.0,
             overlap: 0.0,
             seen: 0.0,
+            free_space_violated: 0.0,
             runner_up: runner_up.map_or(0.0, |p| p.score),
             runner_up_pose_map_sensor: runner_up.map(|p| self.to_map_frame(&p.pose_map_sensor)),
             matches: Vec::new(),
@@ -211,9 +212,11 @@ impl Localizer {
         };
         (answer.inliers, answer.score) = (best.support.inliers.len(), best.score);
         (answer.overlap, answer.seen) = (best.verified.overlap, best.verified.seen);
+        answer.free_space_violated = best.verified.free_space_violated;
         if answer.verdict != Verdict::NotFound {
             answer.pose_map_sensor = Some(self.to_map_frame(&best.pose_map_sensor));
-            answer.covariance = judged.covariance.map(|c| {
+            let motion = self.config.odometry.covariance(live);
+            answer.covariance = judged.covariance.map(|c| c + motion).map(|c| {
                 let mut rows = [0.0; 36];
                 (0..36).for_each(|i| rows[i] = c[(i / 6, i % 6)]);
                 rows

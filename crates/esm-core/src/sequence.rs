@@ -169,6 +169,7 @@ impl SequenceLocalizer {
                 !taken[*i]
                     && place.verified.overlap >= CONFIRM_OVERLAP
                     && place.verified.seen >= config.verify.min_seen
+                    && place.verified.free_space_violated <= config.verify.max_free_space_violated
                     && (pose.translation.vector - expected.translation.vector).norm() <= reach_m
                     && pose.rotation.angle_to(&expected.rotation) <= c.reach_deg.to_radians()
             });
@@ -203,7 +204,9 @@ impl SequenceLocalizer {
     fn chance(&self, look: &Look, i: usize) -> f64 {
         let verify = &self.localizer.config().verify;
         let place = &look.places[i];
-        if place.verified.seen < verify.min_seen || place.verified.refined.covariance.is_none() {
+        let v = &place.verified;
+        let seen_through = v.free_space_violated > verify.max_free_space_violated;
+        if v.seen < verify.min_seen || seen_through || v.refined.covariance.is_none() {
             return 1.0;
         }
         let chance = place.chance_false();

@@ -131,6 +131,12 @@ fn doubt(place: &Place, c: &VerifyConfig) -> Option<String> {
             100.0 * v.overlap,
             c.max_false_per_thousand
         ))
+    } else if v.free_space_violated > c.max_free_space_violated {
+        Some(format!(
+            "{:.0} % of the rays pass through what the map holds as solid: verify.max_free_space_violated = {}",
+            100.0 * v.free_space_violated,
+            c.max_free_space_violated
+        ))
     } else if v.refined.covariance.is_none() {
         Some("the points do not fix a pose".to_owned())
     } else {
@@ -199,7 +205,7 @@ mod tests {
             let covariance = Some(Matrix6::identity() * 1e-4);
             let refined = Refined { pose_map_sensor, covariance, residual: 1.0 };
             let support = Support { weight: inliers.len() as f64, inliers };
-            Place::new(support, Verified { refined, overlap: 1.0, seen: 1.0 }, &candidates)
+            Place::new(support, Verified { refined, overlap: 1.0, seen: 1.0, free_space_violated: 0.0 }, &candidates)
         };
         vec![place(0.0, first), place(offset, second)]
     }
@@ -211,6 +217,17 @@ mod tests {
         assert_eq!(judged.verdict, Verdict::Located);
         let sigma = judged.covariance.unwrap()[(0, 0)].sqrt();
         assert!((1.0..2.0).contains(&sigma), "{sigma}");
+    }
+
+    #[test]
+    fn a_place_that_is_seen_through_is_not_believed_where_asked_for() {
+        let mut places = twice(5, 7.0, 2.1);
+        places[0].verified.free_space_violated = 0.3;
+        assert_eq!(judge(&places, &VerifyConfig::default()).verdict, Verdict::Located, "unless asked for");
+        let strict = VerifyConfig { max_free_space_violated: 0.15, ..VerifyConfig::default() };
+        let judged = judge(&places, &strict);
+        assert_eq!(judged.verdict, Verdict::NotFound);
+        assert!(judged.reason.unwrap().contains("30 % of the rays"));
     }
 
     #[test]

@@ -52,6 +52,7 @@ impl LiveCloud {
             distance_m: travel_m,
             travel_m,
             sweeps,
+            viewpoints: Vec::new(),
             elapsed,
         }))
     }

@@ -167,6 +167,12 @@ impl Localization {
         self.inner.seen
     }
 
+    /// Share of the live rays that pass through what the map holds as solid, well before they reach what they saw.
+    #[getter]
+    fn free_space_violated(&self) -> f64 {
+        self.inner.free_space_violated
+    }
+
     /// The score of the best other place, 0 where there is none.
     #[getter]
     fn runner_up(&self) -> f64 {

@@ -517,6 +517,7 @@ mod tests {
                 distance_m,
                 travel_m: distance_m,
                 sweeps: 4,
+                viewpoints: Vec::new(),
                 elapsed: Duration::ZERO,
             };
             builder.push(&live, &Pose::translation(x, 0.0, 0.0)).unwrap()

@@ -74,7 +74,7 @@ impl Surroundings {
                 return Ok(Some(Arc::clone(tile)));
             }
         }
-        let tile = Arc::new(self.build(runs)?);
+        let tile = Arc::new(self.build(key, runs)?);
         if let Ok(mut cache) = self.cache.lock() {
             let now = cache.clock;
             if cache.tiles.len() >= CACHED {
@@ -88,7 +88,7 @@ impl Surroundings {
         Ok(Some(tile))
     }
 
-    fn build(&self, runs: &Runs) -> Result<Tile, Error> {
+    fn build(&self, key: TileKey, runs: &Runs) -> Result<Tile, Error> {
         let (mut points, mut structure, mut ground) = (Vec::new(), Vec::new(), Vec::new());
         for &i in &runs.structure {
             self.map.structure_tile_points_into(i as usize, &mut points)?;
@@ -98,6 +98,6 @@ impl Surroundings {
             self.map.ground_tile_points_into(i as usize, &mut points)?;
             ground.extend_from_slice(&points);
         }
-        Ok(Tile::new(&structure, &ground))
+        Ok(Tile::new(key, &structure, &ground))
     }
 }

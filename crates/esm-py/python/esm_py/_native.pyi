@@ -900,6 +900,10 @@ class Localization:
         """Share of the live points above the ground that lie where the map has been seen."""
 
     @property
+    def free_space_violated(self) -> float:
+        """Share of the live rays that pass through what the map holds as solid, well before they reach what they saw."""
+
+    @property
     def runner_up(self) -> float:
         """The score of the best other place, 0 where there is none."""
 
