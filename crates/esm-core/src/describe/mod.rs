@@ -49,10 +49,15 @@ pub trait Descriptor: Send + Sync {
 }
 
 mod eigen;
+mod segmap;
 mod shape;
+mod tensors;
 mod xconv;
 
+use std::path::Path;
+
 pub use eigen::Eigen;
+pub use segmap::SegMap;
 pub use shape::Shape;
 pub use xconv::XConv;
 
@@ -62,8 +67,11 @@ pub const NAMES: [&str; 5] = ["esm-swift", "esm", "esm-paper", "shape", "eigen"]
 /// Ending of the name of a weights file.
 const WEIGHTS: &str = ".safetensors";
 
+/// Descriptors whose weights are no part of the program: a file of `weights/peers` or one of your own stands for the name.
+const PEERS: [&str; 1] = ["segmap"];
+
 /// The descriptor called `name`, as in `--descriptor NAME`: one of [`NAMES`], or the path of a weights file
-/// (`*.safetensors`) that `esm-train export` has written.
+/// (`*.safetensors`) that `esm-train` has written, of our networks or of a peer ([`SegMap`]).
 ///
 /// # Errors
 /// [`Error::Config`] for a name that is neither; as [`XConv::open`] for a file.
@@ -82,7 +90,16 @@ pub fn by_name(name: &str) -> Result<Arc<dyn Descriptor>, Error> {
         "esm-paper" => Arc::new(network(esm_weights::ESM_PAPER)?),
         "esm" => Arc::new(network(esm_weights::ESM)?),
         "esm-swift" => Arc::new(network(esm_weights::ESM_SWIFT)?),
-        path => Arc::new(XConv::open(path)?),
+        path => opened(Path::new(path))?,
+    })
+}
+
+/// The descriptor that a weights file belongs to, by its header.
+fn opened(path: &Path) -> Result<Arc<dyn Descriptor>, Error> {
+    let bytes = tensors::read(path)?;
+    Ok(match tensors::architecture(&bytes).as_deref() {
+        Some("segmap-cnn") => Arc::new(SegMap::from_bytes(&bytes, path)?),
+        _ => Arc::new(XConv::from_bytes(&bytes, path)?),
     })
 }
 
@@ -91,6 +108,9 @@ pub(crate) fn check_name(name: &str) -> Result<(), Error> {
     if NAMES.contains(&name) || name.ends_with(WEIGHTS) {
         return Ok(());
     }
-    let allowed = "one of shape, eigen, esm-swift, or a weights file (*.safetensors)";
+    let allowed = match PEERS.contains(&name) {
+        true => "its weights file, such as weights/peers/segmap.safetensors",
+        false => "one of shape, eigen, esm-swift, or a weights file (*.safetensors)",
+    };
     Err(Error::Config { field: "descriptor", value: name.to_owned(), allowed })
 }
