@@ -1,8 +1,11 @@
 //! Matching: for every live segment its K nearest map segments, as candidates sorted by quality.
 
+use std::borrow::Cow;
+
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::describe::{Descriptions, Descriptor};
+use crate::describe::{Descriptions, Descriptor, PairJudge};
 use crate::error::{Error, require};
 use crate::estimate::{Candidate, Pair, sort_by_quality};
 use crate::index::{Index, Search};
@@ -84,7 +87,37 @@ const DEFAULT_K: usize = 60;
 /// Candidates a segment that no limit takes away.
 const LEAST_K: usize = 5;
 
+/// The leading `searched` numbers of row-major rows of `dim`.
+pub fn leading(rows: &[f32], dim: usize, searched: usize) -> Cow<'_, [f32]> {
+    if searched >= dim {
+        return Cow::Borrowed(rows);
+    }
+    Cow::Owned(rows.chunks_exact(dim).flat_map(|row| &row[..searched]).copied().collect())
+}
+
+/// Lets a judge go through the candidates: those it finds less probable than its limit are dropped, of the others the
+/// `most` most probable stay, best first, and that is their quality.
+pub fn judged(
+    mut candidates: Vec<Candidate>,
+    judge: &dyn PairJudge,
+    described: &Descriptions,
+    map: &Map,
+    most: usize,
+) -> Vec<Candidate> {
+    let (dim, least) = (described.dim, judge.least());
+    let (live, mapped) = (&described.values, map.descriptors());
+    candidates.par_iter_mut().for_each(|c| {
+        let (l, m) = (c.live as usize * dim, c.map as usize * dim);
+        c.quality = judge.probability(&live[l..l + dim], &mapped[m..m + dim]);
+    });
+    candidates.retain(|c| c.quality >= least);
+    sort_by_quality(&mut candidates);
+    candidates.truncate(most);
+    candidates
+}
+
 /// The candidates of a cloud, best first: `config.k` a segment at most. `described` must be on the map's scale already.
+/// The index is over the numbers that are searched by.
 pub fn candidates(
     segments: &[Segment],
     described: &Descriptions,
@@ -98,7 +131,7 @@ pub fn candidates(
     let wanted =
         [config.k, described.candidates, DEFAULT_K].into_iter().find(|k| *k > 0).unwrap_or(DEFAULT_K);
     let k = wanted.min(share.max(LEAST_K));
-    let neighbours = index.nearest(&described.values, k);
+    let neighbours = index.nearest(&leading(&described.values, described.dim, index.dim()), k);
     let mut all = Vec::with_capacity(segments.len() * k);
     for (live, (segment, nearest)) in segments.iter().zip(neighbours).enumerate() {
         if f64::from(described.quality[live]) < config.min_quality {

@@ -62,6 +62,16 @@ def _parser() -> argparse.ArgumentParser:
     peer.add_argument(
         "--export", action="store_true", help="write the weights of the last checkpoint, without training"
     )
+    grown = command("forest", _forest, "Grows the random forest of SegMatch or NSM (uv run --group peers).")
+    grown.add_argument("kind", choices=("segmatch", "nsm"))
+    grown.add_argument("--data", action="append", required=True, help="training set, or directory of sets")
+    grown.add_argument("--tune", action="append", required=True, help="sets on which the limit is chosen")
+    grown.add_argument("--program", type=Path, default=Path("../../target/release/examples/describe"))
+    grown.add_argument("--segments", type=int, default=30_000)
+    grown.add_argument("--pairs", type=int, default=100_000)
+    grown.add_argument("--seed", type=int, default=0)
+    grown.add_argument("--golden", type=Path, help="also write pairs with scikit-learn's answers")
+    grown.add_argument("-o", "--output", type=Path, required=True)
     export = command("export", _export, "Fits the quality head and writes the weights file (WEIGHTS.md).")
     configured(export)
     export.add_argument("--checkpoint", type=Path, help="instead of latest.pt of the run")
@@ -157,6 +167,26 @@ def _segmap(options: argparse.Namespace) -> int:
     if not options.export and not SegMapTrainer(config, resume=options.resume).run():
         return 1
     print(json.dumps(export(config), indent=1))
+    return 0
+
+
+def _forest(options: argparse.Namespace) -> int:
+    from esm_train.forest.grow import grow, write_forest, write_forest_golden
+
+    train, tune = tuple(options.data), tuple(options.tune)
+    forest, facts, tuned = grow(
+        options.program,
+        options.kind,
+        train,
+        tune,
+        rows=options.segments,
+        pairs=options.pairs,
+        seed=options.seed,
+    )
+    write_forest(forest, options.kind, tuned[2].shape[1], facts, options.output)
+    if options.golden:
+        write_forest_golden(forest, tuned, 100, options.golden)
+    print(json.dumps(facts, indent=1))
     return 0
 
 
