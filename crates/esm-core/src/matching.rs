@@ -156,6 +156,45 @@ pub fn candidates(
 mod tests {
     use super::*;
     use crate::describe::by_name;
+    use crate::map::{DescriptorInfo, MapData};
+
+    /// Rows that differ little are probably of one object.
+    struct Alike;
+
+    impl PairJudge for Alike {
+        fn probability(&self, live: &[f32], map: &[f32]) -> f32 {
+            1.0 - (live[1] - map[1]).abs()
+        }
+
+        fn least(&self) -> f32 {
+            0.5
+        }
+    }
+
+    #[test]
+    fn the_search_goes_by_the_leading_numbers_and_the_judge_by_the_others() {
+        let segment = Segment::from_points(vec![[0.0; 3]]).unwrap();
+        let info = DescriptorInfo { name: "two".into(), version: 1, dim: 2 };
+        let mut data = MapData::new([0.0; 3], info);
+        for row in [[0.0, 0.9], [1.0, 0.3], [2.0, 0.2], [3.0, 0.0]] {
+            data.push_segment(&segment, 1).unwrap();
+            data.descriptors.extend(row);
+            data.quality.push(1.0);
+        }
+        let map = Map::from_data(data).unwrap();
+        let described =
+            Descriptions { dim: 2, values: vec![0.1, 0.1], quality: vec![1.0], ..Default::default() };
+        let index = Index::new(&leading(map.descriptors(), 2, 1), 1, Search::Auto);
+        let config = MatchConfig { k: 3, ..Default::default() };
+        let found = candidates(&[segment], &described, &map, &index, &config);
+        // By the first number alone: the last row is the farthest.
+        assert_eq!(found.iter().map(|c| c.map).collect::<Vec<_>>(), [0, 1, 2]);
+        let kept = judged(found.clone(), &Alike, &described, &map, 5);
+        // Row 0 is the nearest, and none of it to the judge.
+        assert_eq!(kept.iter().map(|c| c.map).collect::<Vec<_>>(), [2, 1]);
+        assert!((kept[0].quality - 0.9).abs() < 1e-6 && (kept[1].quality - 0.8).abs() < 1e-6);
+        assert_eq!(judged(found, &Alike, &described, &map, 1), kept[..1]);
+    }
 
     #[test]
     fn a_rate_is_a_distance_that_the_weights_bring() {

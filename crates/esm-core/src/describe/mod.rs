@@ -91,7 +91,7 @@ pub const NAMES: [&str; 7] = ["esm-swift", "esm", "esm-paper", "shape", "eigen",
 const WEIGHTS: &str = ".safetensors";
 
 /// Descriptors whose weights are no part of the program: a file of `weights/peers` or one of your own stands for the name.
-const PEERS: [&str; 3] = ["segmap", "segmatch", "nsm"];
+pub(crate) const PEERS: [&str; 3] = ["segmap", "segmatch", "nsm"];
 
 /// The descriptor called `name`, as in `--descriptor NAME`: one of [`NAMES`], or the path of a weights file
 /// (`*.safetensors`) that `esm-train` has written, of our networks or of a peer ([`SegMap`],
@@ -137,7 +137,7 @@ pub(crate) fn check_name(name: &str) -> Result<(), Error> {
     }
     let allowed = match PEERS.contains(&name) {
         true => "its weights file, such as weights/peers/segmap.safetensors",
-        false => "one of shape, eigen, esm-swift, or a weights file (*.safetensors)",
+        false => "one of esm-swift, shape, eigen, or a weights file (*.safetensors)",
     };
     Err(Error::Config { field: "descriptor", value: name.to_owned(), allowed })
 }

@@ -62,3 +62,17 @@ impl Standardizer {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_stays_as_it_is() {
+        let mut statistics = Standardizer::fit(&[1.0, 7.0, 5.0, 3.0, 9.0, 5.0], 3);
+        statistics.leave_from(1);
+        let mut row = [3.0, 8.5, 0.25];
+        statistics.apply(&mut row);
+        assert_eq!(row, [1.0, 8.5, 0.25]);
+    }
+}
