@@ -50,7 +50,7 @@ impl Descriptor for Esf {
     }
 
     fn describe(&self, segments: &[Segment]) -> Descriptions {
-        rows(ESF_DIM, segments, |segment, row| histograms(segment, row))
+        rows(ESF_DIM, segments, histograms)
     }
 }
 

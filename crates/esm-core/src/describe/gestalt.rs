@@ -37,7 +37,7 @@ impl Descriptor for Gestalt {
     }
 
     fn describe(&self, segments: &[Segment]) -> Descriptions {
-        rows(GESTALT_DIM, segments, |segment, row| heights(segment, row))
+        rows(GESTALT_DIM, segments, heights)
     }
 }
 
