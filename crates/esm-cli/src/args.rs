@@ -478,8 +478,8 @@ pub struct ReadArgs {
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Method")]
 pub struct TuneArgs {
-    /// Descriptor of the segments: shape, eigen, esm-paper, esm, esm-swift, or a weights file (*.safetensors) [default: what the map
-    /// holds, or shape]
+    /// Descriptor of the segments: esm-swift, esm, esm-paper, shape, eigen, esf, gestalt, or a weights file (*.safetensors), ours or a
+    /// peer's [default: what the map holds, or esm-swift]
     #[arg(long, value_name = "NAME")]
     pub descriptor: Option<String>,
     /// Worker threads; the results do not depend on it [default: one a core]

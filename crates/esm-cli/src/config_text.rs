@@ -21,7 +21,9 @@ const MEANINGS: &[(&str, &str)] = &[
     (
         "descriptor",
         "How segments are described: by \"shape\" (eigenvalue features and metric size) or \"eigen\" (the features alone), by \
-         the networks \"esm-swift\", \"esm\" (all points in every layer) or \"esm-paper\" (the paper's, shape alone), or by one of your own: a weights file (*.safetensors).",
+         the networks \"esm-swift\", \"esm\" (all points in every layer) or \"esm-paper\" (the paper's, shape alone), by the peers' \"esf\" (shape \
+         distributions) or \"gestalt\" (heights about a key pose), or by a weights file (*.safetensors): one of your own, or a peer's (SegMap, \
+         SegMatch, NSM).",
     ),
     ("seed", "Seed of everything random: the same seed gives the same bits, with any number of threads."),
     ("accumulate", "From sweeps to live clouds."),

@@ -159,7 +159,7 @@ mod tests {
         let error = configure(&tune, &LiveArgs::default()).unwrap_err().to_string();
         assert_eq!(
             error,
-            "--descriptor magic: there is no such descriptor\nhint: there are esm-swift, esm, esm-paper, shape, eigen, and weights files (*.safetensors)"
+            "--descriptor magic: there is no such descriptor\nhint: there are esm-swift, esm, esm-paper, shape, eigen, esf, gestalt, and weights files (*.safetensors)"
         );
         let tune = TuneArgs { threads: Some(0), ..Default::default() };
         assert!(configure(&tune, &LiveArgs::default()).unwrap_err().to_string().starts_with("--threads 0"));

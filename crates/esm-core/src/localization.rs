@@ -43,8 +43,10 @@ pub struct Timings {
     pub preprocessing: Duration,
     /// Describing the segments, neighbour search included.
     pub descriptor: Duration,
-    /// K nearest in descriptor space.
+    /// K nearest in descriptor space, and judging them where the descriptor does.
     pub matching: Duration,
+    /// The part of `matching` that judging the candidates took (SegMatch's and NSM's random forest).
+    pub judging: Duration,
     /// Consistency and pose search.
     pub pose: Duration,
     /// Refinement and verification on points.

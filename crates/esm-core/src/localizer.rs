@@ -14,7 +14,7 @@ use crate::estimate::{Candidate, Consensus, Hypothesis, NearCentroids, same_plac
 use crate::index::Index;
 use crate::localization::{Localization, MatchedSegment, Timings, Verdict};
 use crate::map::Map;
-use crate::matching::candidates;
+use crate::matching::{MatchConfig, candidates, judged, leading};
 use crate::segment::{Segment, Segmentation, segment};
 use crate::verdict::{Judged, Place, judge};
 use crate::verify::{LivePoints, Shifts, Surroundings, rays, verify};
@@ -58,7 +58,8 @@ impl Localizer {
     ) -> Result<Self, Error> {
         config.check()?;
         map.check_descriptor(&*descriptor)?;
-        let index = Index::new(map.descriptors(), descriptor.dim(), config.matching.search);
+        let (dim, searched) = (descriptor.dim(), descriptor.searched());
+        let index = Index::new(&leading(map.descriptors(), dim, searched), searched, config.matching.search);
         let surroundings = Surroundings::new(Arc::clone(&map), config.accumulate.max_range_m);
         let shifts = Shifts::new(&map);
         let matching = config.matching.of(&*descriptor)?;
@@ -96,9 +97,9 @@ impl Localizer {
         let described = self.describe(&cloud.segments);
         clock.lap(|t| &mut t.descriptor);
         clock.split_preprocessing(described.preprocessing);
-        let candidates =
-            candidates(&cloud.segments, &described, &self.map, &self.index, &self.config.matching);
+        let (candidates, judging) = self.candidates(&cloud.segments, &described);
         clock.lap(|t| &mut t.matching);
+        clock.timings.judging = judging;
         let mut hypotheses = search(&candidates, &self.config.pose, self.config.seed).places;
         clock.lap(|t| &mut t.pose);
         let mut consensus = NearCentroids::new(&candidates, self.config.pose.inlier_m as f32, 0.0);
@@ -118,6 +119,20 @@ impl Localizer {
             standardizer.apply(&mut described.values);
         }
         described
+    }
+
+    /// The candidates of the search, judged where the descriptor has someone to; and the time that took.
+    fn candidates(&self, segments: &[Segment], described: &Descriptions) -> (Vec<Candidate>, Duration) {
+        let config = &self.config.matching;
+        let Some(judge) = self.descriptor.judge() else {
+            return (candidates(segments, described, &self.map, &self.index, config), Duration::ZERO);
+        };
+        // The limit is for what the pose search gets.
+        let all = MatchConfig { max_candidates: usize::MAX, ..config.clone() };
+        let found = candidates(segments, described, &self.map, &self.index, &all);
+        let start = Instant::now();
+        let kept = judged(found, judge, described, &self.map, config.max_candidates);
+        (kept, start.elapsed())
     }
 
     /// Refines each place on points and counts its support again; places that come to coincide are one. Best first.

@@ -1,8 +1,11 @@
 //! Matching: for every live segment its K nearest map segments, as candidates sorted by quality.
 
+use std::borrow::Cow;
+
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::describe::{Descriptions, Descriptor};
+use crate::describe::{Descriptions, Descriptor, PairJudge};
 use crate::error::{Error, require};
 use crate::estimate::{Candidate, Pair, sort_by_quality};
 use crate::index::{Index, Search};
@@ -84,7 +87,37 @@ const DEFAULT_K: usize = 60;
 /// Candidates a segment that no limit takes away.
 const LEAST_K: usize = 5;
 
+/// The leading `searched` numbers of row-major rows of `dim`.
+pub fn leading(rows: &[f32], dim: usize, searched: usize) -> Cow<'_, [f32]> {
+    if searched >= dim {
+        return Cow::Borrowed(rows);
+    }
+    Cow::Owned(rows.chunks_exact(dim).flat_map(|row| &row[..searched]).copied().collect())
+}
+
+/// Lets a judge go through the candidates: those it finds less probable than its limit are dropped, of the others the
+/// `most` most probable stay, best first, and that is their quality.
+pub fn judged(
+    mut candidates: Vec<Candidate>,
+    judge: &dyn PairJudge,
+    described: &Descriptions,
+    map: &Map,
+    most: usize,
+) -> Vec<Candidate> {
+    let (dim, least) = (described.dim, judge.least());
+    let (live, mapped) = (&described.values, map.descriptors());
+    candidates.par_iter_mut().for_each(|c| {
+        let (l, m) = (c.live as usize * dim, c.map as usize * dim);
+        c.quality = judge.probability(&live[l..l + dim], &mapped[m..m + dim]);
+    });
+    candidates.retain(|c| c.quality >= least);
+    sort_by_quality(&mut candidates);
+    candidates.truncate(most);
+    candidates
+}
+
 /// The candidates of a cloud, best first: `config.k` a segment at most. `described` must be on the map's scale already.
+/// The index is over the numbers that are searched by.
 pub fn candidates(
     segments: &[Segment],
     described: &Descriptions,
@@ -98,7 +131,7 @@ pub fn candidates(
     let wanted =
         [config.k, described.candidates, DEFAULT_K].into_iter().find(|k| *k > 0).unwrap_or(DEFAULT_K);
     let k = wanted.min(share.max(LEAST_K));
-    let neighbours = index.nearest(&described.values, k);
+    let neighbours = index.nearest(&leading(&described.values, described.dim, index.dim()), k);
     let mut all = Vec::with_capacity(segments.len() * k);
     for (live, (segment, nearest)) in segments.iter().zip(neighbours).enumerate() {
         if f64::from(described.quality[live]) < config.min_quality {
@@ -124,6 +157,44 @@ mod tests {
     use super::*;
     use crate::describe::by_name;
     use crate::map::{DescriptorInfo, MapData};
+
+    /// Rows that differ little are probably of one object.
+    struct Alike;
+
+    impl PairJudge for Alike {
+        fn probability(&self, live: &[f32], map: &[f32]) -> f32 {
+            1.0 - (live[1] - map[1]).abs()
+        }
+
+        fn least(&self) -> f32 {
+            0.5
+        }
+    }
+
+    #[test]
+    fn the_search_goes_by_the_leading_numbers_and_the_judge_by_the_others() {
+        let segment = Segment::from_points(vec![[0.0; 3]]).unwrap();
+        let info = DescriptorInfo { name: "two".into(), version: 1, dim: 2 };
+        let mut data = MapData::new([0.0; 3], info);
+        for row in [[0.0, 0.9], [1.0, 0.3], [2.0, 0.2], [3.0, 0.0]] {
+            data.push_segment(&segment, 1).unwrap();
+            data.descriptors.extend(row);
+            data.quality.push(1.0);
+        }
+        let map = Map::from_data(data).unwrap();
+        let described =
+            Descriptions { dim: 2, values: vec![0.1, 0.1], quality: vec![1.0], ..Default::default() };
+        let index = Index::new(&leading(map.descriptors(), 2, 1), 1, Search::Auto);
+        let config = MatchConfig { k: 3, ..Default::default() };
+        let found = candidates(&[segment], &described, &map, &index, &config);
+        // By the first number alone: the last row is the farthest.
+        assert_eq!(found.iter().map(|c| c.map).collect::<Vec<_>>(), [0, 1, 2]);
+        let kept = judged(found.clone(), &Alike, &described, &map, 5);
+        // Row 0 is the nearest, and none of it to the judge.
+        assert_eq!(kept.iter().map(|c| c.map).collect::<Vec<_>>(), [2, 1]);
+        assert!((kept[0].quality - 0.9).abs() < 1e-6 && (kept[1].quality - 0.8).abs() < 1e-6);
+        assert_eq!(judged(found, &Alike, &described, &map, 1), kept[..1]);
+    }
 
     #[test]
     fn a_rate_is_a_distance_that_the_weights_bring() {

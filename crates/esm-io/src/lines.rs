@@ -107,6 +107,7 @@ mod tests {
             preprocessing: odd,
             descriptor: odd,
             matching: odd,
+            judging: Duration::ZERO,
             pose: odd,
             verification: odd,
         };

@@ -44,26 +44,58 @@ pub trait Descriptor: Send + Sync {
         let _ = false_positive_rate;
         None
     }
+    /// The leading numbers of a row, those that neighbours are searched by; what follows is for [`judge`](Self::judge) alone
+    /// and never standardised.
+    fn searched(&self) -> usize {
+        self.dim()
+    }
+    /// Who judges the candidates that the search has found, where the descriptor has such a stage.
+    fn judge(&self) -> Option<&dyn PairJudge> {
+        None
+    }
     /// Describes a batch.
     fn describe(&self, segments: &[Segment]) -> Descriptions;
 }
 
+/// Judges candidate pairs by more than their distance (SegMatch's and NSM's random forest).
+pub trait PairJudge: Send + Sync {
+    /// The probability, 0 to 1, that two rows are of one object.
+    fn probability(&self, live: &[f32], map: &[f32]) -> f32;
+    /// Candidates less probable than this are dropped.
+    fn least(&self) -> f32;
+}
+
 mod eigen;
+mod esf;
+mod forest;
+mod gestalt;
+mod segmap;
 mod shape;
+mod tensors;
 mod xconv;
 
+use std::path::Path;
+
 pub use eigen::Eigen;
+pub use esf::Esf;
+pub use forest::Forested;
+pub use gestalt::Gestalt;
+pub use segmap::SegMap;
 pub use shape::Shape;
 pub use xconv::{Part, PartTime, XConv};
 
 /// The descriptors by name, the default first.
-pub const NAMES: [&str; 5] = ["esm-swift", "esm", "esm-paper", "shape", "eigen"];
+pub const NAMES: [&str; 7] = ["esm-swift", "esm", "esm-paper", "shape", "eigen", "esf", "gestalt"];
 
 /// Ending of the name of a weights file.
 const WEIGHTS: &str = ".safetensors";
 
+/// Descriptors whose weights are no part of the program: a file of `weights/peers` or one of your own stands for the name.
+pub(crate) const PEERS: [&str; 3] = ["segmap", "segmatch", "nsm"];
+
 /// The descriptor called `name`, as in `--descriptor NAME`: one of [`NAMES`], or the path of a weights file
-/// (`*.safetensors`) that `esm-train export` has written.
+/// (`*.safetensors`) that `esm-train` has written, of our networks or of a peer ([`SegMap`],
+/// [`Forested`]).
 ///
 /// # Errors
 /// [`Error::Config`] for a name that is neither; as [`XConv::open`] for a file.
@@ -79,10 +111,22 @@ pub fn by_name(name: &str) -> Result<Arc<dyn Descriptor>, Error> {
     Ok(match name {
         "shape" => Arc::new(Shape),
         "eigen" => Arc::new(Eigen),
+        "esf" => Arc::new(Esf),
+        "gestalt" => Arc::new(Gestalt),
         "esm-paper" => Arc::new(network(esm_weights::ESM_PAPER)?),
         "esm" => Arc::new(network(esm_weights::ESM)?),
         "esm-swift" => Arc::new(network(esm_weights::ESM_SWIFT)?),
-        path => Arc::new(XConv::open(path)?),
+        path => opened(Path::new(path))?,
+    })
+}
+
+/// The descriptor that a weights file belongs to, by its header.
+fn opened(path: &Path) -> Result<Arc<dyn Descriptor>, Error> {
+    let bytes = tensors::read(path)?;
+    Ok(match tensors::architecture(&bytes).as_deref() {
+        Some("segmap-cnn") => Arc::new(SegMap::from_bytes(&bytes, path)?),
+        Some("pair-forest") => Arc::new(Forested::from_bytes(&bytes, path)?),
+        _ => Arc::new(XConv::from_bytes(&bytes, path)?),
     })
 }
 
@@ -91,6 +135,9 @@ pub(crate) fn check_name(name: &str) -> Result<(), Error> {
     if NAMES.contains(&name) || name.ends_with(WEIGHTS) {
         return Ok(());
     }
-    let allowed = "one of shape, eigen, esm-swift, or a weights file (*.safetensors)";
+    let allowed = match PEERS.contains(&name) {
+        true => "its weights file, such as weights/peers/segmap.safetensors",
+        false => "one of esm-swift, shape, eigen, or a weights file (*.safetensors)",
+    };
     Err(Error::Config { field: "descriptor", value: name.to_owned(), allowed })
 }

@@ -78,6 +78,14 @@ impl Index {
         }
     }
 
+    /// Numbers a row.
+    pub fn dim(&self) -> usize {
+        match self {
+            Self::Tree(tree) => tree.dim(),
+            Self::Product(product) => product.dim(),
+        }
+    }
+
     /// For every query row the `k` nearest rows, nearest first (all rows where there are fewer).
     ///
     /// The result holds one list a query, in the order of the queries, whose numbers must be finite.

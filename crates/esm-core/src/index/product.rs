@@ -28,6 +28,11 @@ impl Product {
         Self { descriptors: descriptors.to_vec(), norms, largest_norm, in_range: in_range(descriptors), dim }
     }
 
+    /// Numbers a row.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
     /// For every query row the `k` nearest rows, nearest first.
     pub fn nearest(&self, queries: &[f32], k: usize) -> Vec<Vec<Neighbour>> {
         let dim = self.dim;

@@ -47,6 +47,11 @@ impl Tree {
         Some(Self { tree, descriptors: descriptors.to_vec(), dim })
     }
 
+    /// Numbers a row.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
     /// For every query row the `k` nearest rows, nearest first.
     pub fn nearest(&self, queries: &[f32], k: usize) -> Vec<Vec<Neighbour>> {
         // The tree makes room for as many as it is asked for.

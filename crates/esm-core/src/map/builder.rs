@@ -325,7 +325,8 @@ impl MapBuilder {
             data.quality.push(entry.quality);
         }
         if self.descriptor.standardized() {
-            let standardizer = Standardizer::fit(&data.descriptors, dim);
+            let mut standardizer = Standardizer::fit(&data.descriptors, dim);
+            standardizer.leave_from(self.descriptor.searched());
             standardizer.apply(&mut data.descriptors);
             data.standardizer = Some(standardizer);
         }

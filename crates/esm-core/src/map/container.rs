@@ -10,7 +10,7 @@ use super::problem::Problem;
 use super::records::{MetaRecord, PointRun, SegmentRecord};
 use super::standardizer::Standardizer;
 use super::{check, read, write};
-use crate::describe::{self, Descriptor, NAMES};
+use crate::describe::{self, Descriptor, NAMES, PEERS};
 use crate::error::Error;
 
 /// Positions of the mapped path farther apart are not one drive, metres.
@@ -181,7 +181,7 @@ impl Map {
             Ok(own) if known && d.name != descriptor.name() && makes(&*own) => {
                 format!("use --descriptor {}, or rebuild the map", d.name)
             }
-            _ if d.name.starts_with("esm") => {
+            _ if d.name.starts_with("esm") || PEERS.contains(&d.name.as_str()) => {
                 "name the weights file it was built with (--descriptor FILE.safetensors), or rebuild the map"
                     .to_owned()
             }

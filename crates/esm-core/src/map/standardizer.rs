@@ -47,6 +47,12 @@ impl Standardizer {
         Self { mean: mean.iter().map(|&m| m as f32).collect(), inv_std }
     }
 
+    /// Leaves the dimensions from `first` on as they are.
+    pub(crate) fn leave_from(&mut self, first: usize) {
+        self.mean.iter_mut().skip(first).for_each(|m| *m = 0.0);
+        self.inv_std.iter_mut().skip(first).for_each(|s| *s = 1.0);
+    }
+
     /// Standardises row-major `rows` of as many numbers as this has dimensions, in place.
     pub fn apply(&self, rows: &mut [f32]) {
         for row in rows.chunks_exact_mut(self.mean.len().max(1)) {
@@ -54,5 +60,19 @@ impl Standardizer {
                 *v = (*v - m) * s;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_stays_as_it_is() {
+        let mut statistics = Standardizer::fit(&[1.0, 7.0, 5.0, 3.0, 9.0, 5.0], 3);
+        statistics.leave_from(1);
+        let mut row = [3.0, 8.5, 0.25];
+        statistics.apply(&mut row);
+        assert_eq!(row, [1.0, 8.5, 0.25]);
     }
 }

@@ -53,6 +53,25 @@ def _parser() -> argparse.ArgumentParser:
     head = command("head", _head, "Trains the last layers further, with batches in which thousands of objects compete.")
     configured(head)
     head.add_argument("--checkpoint", type=Path, help="instead of latest.pt of the run")
+    peer = command(
+        "segmap", _segmap, "Trains SegMap's encoder, the peer, and exports its weights (configs/segmap.toml)."
+    )
+    peer.add_argument("--config", type=Path, required=True, help="TOML file")
+    peer.add_argument("--set", action="append", default=[], metavar="SECTION.KEY=VALUE", help="overrides the file")
+    peer.add_argument("--resume", action="store_true", help="continue where the last checkpoint stands")
+    peer.add_argument(
+        "--export", action="store_true", help="write the weights of the last checkpoint, without training"
+    )
+    grown = command("forest", _forest, "Grows the random forest of SegMatch or NSM (uv run --group peers).")
+    grown.add_argument("kind", choices=("segmatch", "nsm"))
+    grown.add_argument("--data", action="append", required=True, help="training set, or directory of sets")
+    grown.add_argument("--tune", action="append", required=True, help="sets on which the limit is chosen")
+    grown.add_argument("--program", type=Path, default=Path("../../target/release/examples/describe"))
+    grown.add_argument("--segments", type=int, default=30_000)
+    grown.add_argument("--pairs", type=int, default=100_000)
+    grown.add_argument("--seed", type=int, default=0)
+    grown.add_argument("--golden", type=Path, help="also write pairs with scikit-learn's answers")
+    grown.add_argument("-o", "--output", type=Path, required=True)
     export = command("export", _export, "Fits the quality head and writes the weights file (WEIGHTS.md).")
     configured(export)
     export.add_argument("--checkpoint", type=Path, help="instead of latest.pt of the run")
@@ -140,6 +159,37 @@ def _train(options: argparse.Namespace) -> int:
     return 0 if train(_load(options), options.resume) else 1
 
 
+def _segmap(options: argparse.Namespace) -> int:
+    from esm_train.segmap.config import load_segmap_config
+    from esm_train.segmap.trainer import SegMapTrainer, export
+
+    config = load_segmap_config(options.config, options.set)
+    if not options.export and not SegMapTrainer(config, resume=options.resume).run():
+        return 1
+    print(json.dumps(export(config), indent=1))
+    return 0
+
+
+def _forest(options: argparse.Namespace) -> int:
+    from esm_train.forest.grow import grow, write_forest, write_forest_golden
+
+    train, tune = tuple(options.data), tuple(options.tune)
+    forest, facts, tuned = grow(
+        options.program,
+        options.kind,
+        train,
+        tune,
+        rows=options.segments,
+        pairs=options.pairs,
+        seed=options.seed,
+    )
+    write_forest(forest, options.kind, tuned[2].shape[1], facts, options.output)
+    if options.golden:
+        write_forest_golden(forest, tuned, 100, options.golden)
+    print(json.dumps(facts, indent=1))
+    return 0
+
+
 def _head(options: argparse.Namespace) -> int:
     from esm_train.run import head
 
@@ -181,13 +231,18 @@ def _init(options: argparse.Namespace) -> int:
 def _evaluate(options: argparse.Namespace) -> int:
     from esm_train.describers import Core, Describer, PyTorch
     from esm_train.evaluate import evaluate, table
+    from esm_train.segmap.describer import SegMap
+    from esm_train.segmap.weights import ARCHITECTURE, load_segmap
     from esm_train.trainer import device_of
     from esm_train.validation import open_sides
-    from esm_train.weights import load_network
+    from esm_train.weights import architecture_of, load_network
 
     sides = open_sides(tuple(options.map), tuple(options.live), "evaluate", options.truth, options.radius)
     describers: list[Describer] = []
     for file in options.weights:
+        if architecture_of(file) == ARCHITECTURE and options.engine != "core":
+            describers.append(SegMap(file.stem, load_segmap(file)[0]))
+            continue
         model, head, metadata = load_network(file)
         taken = any(d.name == metadata["variant"] for d in describers)
         name = file.stem if taken else metadata["variant"]
@@ -200,11 +255,20 @@ def _evaluate(options: argparse.Namespace) -> int:
 
 def _golden(options: argparse.Namespace) -> int:
     from esm_train.golden import write_answers, write_golden
+    from esm_train.segmap.weights import ARCHITECTURE, write_segmap_golden
     from esm_train.validation import open_corpus
-    from esm_train.weights import load_network
+    from esm_train.weights import architecture_of, load_network
 
-    model, head, _ = load_network(options.weights)
     count = options.segments
+    if architecture_of(options.weights) == ARCHITECTURE:
+        if not options.data:
+            raise TrainError(
+                f"{options.weights}: golden segments of these weights come from sets", "name some by --data"
+            )
+        size = write_segmap_golden(options.weights, tuple(options.data), count, options.output)
+        print(f"{options.output}: {count} segments, {size} bytes", file=sys.stderr)
+        return 0
+    model, head, _ = load_network(options.weights)
     if options.data:
         corpus = open_corpus(tuple(options.data), "golden")
         size = write_answers(model, head, options.weights, corpus, options.output, count)

@@ -217,8 +217,8 @@ class Config:
             raise TrainError(f"[network]: {error}") from None
 
 
-def load_config(file: Path, overrides: typing.Sequence[str] = ()) -> Config:
-    """Reads a configuration; `overrides` are `section.key=value` in TOML's notation. Paths become absolute."""
+def read_tables(file: Path, overrides: typing.Sequence[str] = ()) -> dict[str, Any]:
+    """The tables of a TOML file; `overrides` are `section.key=value` in TOML's notation."""
     try:
         raw = tomllib.loads(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -233,12 +233,18 @@ def load_config(file: Path, overrides: typing.Sequence[str] = ()) -> Config:
         except tomllib.TOMLDecodeError:
             parsed = value
         raw.setdefault(section, {})[key] = parsed
-    config: Config = _build(Config, raw, str(file), "")
+    return raw
+
+
+def load_config(file: Path, overrides: typing.Sequence[str] = ()) -> Config:
+    """Reads a configuration; `overrides` are `section.key=value` in TOML's notation. Paths become absolute."""
+    config: Config = build(Config, read_tables(file, overrides), str(file), "")
     _check(config, file)
     return _absolute(config, file.resolve().parent)
 
 
-def _build(kind: Any, raw: Any, file: str, where: str) -> Any:
+def build(kind: Any, raw: Any, file: str, where: str) -> Any:
+    """The dataclass `kind` from the tables of a file; unknown keys and wrong types are refused."""
     if not isinstance(raw, dict):
         raise TrainError(f"{file}: {where or 'the file'} is no table")
     hints = typing.get_type_hints(kind)
@@ -251,7 +257,7 @@ def _build(kind: Any, raw: Any, file: str, where: str) -> Any:
     for key, value in raw.items():
         name = f"{where}.{key}" if where else key
         if dataclasses.is_dataclass(hints[key]):
-            values[key] = _build(hints[key], value, file, name)
+            values[key] = build(hints[key], value, file, name)
         else:
             values[key] = _value(hints[key], value, file, name)
     return kind(**values)
@@ -308,9 +314,14 @@ def _check(config: Config, file: Path) -> None:
     need(c.validation.every >= 1, "validation.every", c.validation.every, "at least 1")
 
 
+def under(base: Path, path: str) -> str:
+    """A path of the configuration in `base`, made absolute; empty stays empty."""
+    return str(base / path) if path else path
+
+
 def _absolute(config: Config, base: Path) -> Config:
     def join(path: str) -> str:
-        return str(base / path) if path else path
+        return under(base, path)
 
     def joined(paths: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(join(p) for p in paths)

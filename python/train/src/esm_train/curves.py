@@ -19,7 +19,16 @@ def plot_curves(history: list[dict[str, float]], file: Path) -> None:
     judged = [h for h in history if "recall@25" in h]
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4), constrained_layout=True)
     steps = np.array([h["step"] for h in train])
-    for name, colour in (("loss", "black"), ("triplet", "tab:blue"), ("pair", "tab:orange"), ("active", "tab:green")):
+    parts = (
+        ("triplet", "tab:blue"),
+        ("pair", "tab:orange"),
+        ("active", "tab:green"),
+        ("class", "tab:blue"),
+        ("accuracy", "tab:green"),
+    )
+    for name, colour in (("loss", "black"), *parts):
+        if not train or name not in train[0]:
+            continue
         values = np.array([h[name] for h in train])
         left.plot(steps, values, color=colour, alpha=0.25, linewidth=0.8)
         width = max(1, len(values) // 50)

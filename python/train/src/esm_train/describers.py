@@ -25,11 +25,11 @@ BATCH = 2000
 
 
 class Describer(Protocol):
-    """A descriptor with a quality."""
+    """A descriptor, with a quality where it has one."""
 
     name: str
 
-    def __call__(self, corpus: Corpus, rows: I64) -> tuple[F32, F64]:
+    def __call__(self, corpus: Corpus, rows: I64) -> tuple[F32, F64 | None]:
         """Descriptors (len(rows), dim) and qualities (len(rows),), the probability of each to match."""
         ...
 

@@ -125,7 +125,8 @@ def evaluate(describers: Sequence[Describer], sides: Sides, out: Path, seed: int
         live, live_quality = describer(sides.live, sides.live_rows)
         mapped, map_quality = describer(sides.map, sides.map_rows)
         name = describer.name
-        judgements.append(evaluation.judge(name, live, mapped, (live_quality, map_quality)))
+        both = None if live_quality is None or map_quality is None else (live_quality, map_quality)
+        judgements.append(evaluation.judge(name, live, mapped, both))
         plot_embedding(mapped, sides.map, sides.map_rows, f"{name}: map segments", out / f"embedding-{name}.png")
     plot_roc(judgements, out / "roc.png")
     plot_recall(judgements, out / "recall.png")

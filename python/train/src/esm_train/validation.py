@@ -10,7 +10,7 @@ import torch
 from esm_train.corpus import Corpus
 from esm_train.errors import TrainError
 from esm_train.inputs import Inputs, describe_inputs, inference_inputs
-from esm_train.metrics import I64, Sides, nearest_in_map, recall_at
+from esm_train.metrics import F32, I64, Sides, nearest_in_map, recall_at
 from esm_train.model import EsmNet
 from esm_train.plan import Plan
 from esm_train.segments import SegmentSet
@@ -61,36 +61,45 @@ class Validation:
     """Held-out segments, prepared once; all counterparts of the judged ones are among the map's."""
 
     def __init__(self, sides: Sides, plan: Plan, *, max_live: int, max_map: int, lists: bool) -> None:
-        rng = np.random.default_rng(7)
-        live = rng.permutation(len(sides.live_rows))
-        counterparts: list[I64] = []
-        kept: list[int] = []
-        for row in live:
-            found = sides.counterparts(int(row))
-            if len(found):
-                kept.append(int(row))
-                counterparts.append(found)
-            if len(kept) == max_live:
-                break
-        if not kept:
-            raise TrainError(
-                "validation: no live segment has a counterpart in the map", "do the sets name the same places?"
-            )
-        needed = np.unique(np.concatenate(counterparts))
-        others = np.setdiff1d(np.arange(len(sides.map_rows)), needed)
-        others = rng.permutation(others)[: max(0, max_map - len(needed))]
-        map_rows = sides.map_rows[np.sort(np.concatenate((needed, others)))]
-        self.sides = Sides(sides.map, sides.live, map_rows, sides.live_rows[kept], sides.truth)
+        self.sides = judged_part(sides, max_live, max_map)
         self.live_inputs: Inputs = inference_inputs(sides.live, self.sides.live_rows, plan, lists)
-        self.map_inputs: Inputs = inference_inputs(sides.map, map_rows, plan, lists)
+        self.map_inputs: Inputs = inference_inputs(sides.map, self.sides.map_rows, plan, lists)
 
     def __call__(self, model: EsmNet, device: torch.device) -> dict[str, float]:
         """Recall@1 and recall@25 of the judged segments."""
         live = describe_inputs(model, self.live_inputs, device)
-        mapped = describe_inputs(model, self.map_inputs, device)
-        index, _ = nearest_in_map(live, mapped, self.sides.live_place, self.sides.map_place, 25)
-        recall = recall_at(self.sides, np.arange(len(live)), index, (1, 25))
-        return {f"recall@{k}": value for k, value in recall.items()}
+        return recall_of(self.sides, live, describe_inputs(model, self.map_inputs, device))
+
+
+def judged_part(sides: Sides, max_live: int, max_map: int) -> Sides:
+    """At most `max_live` live segments with a counterpart, in a fixed random order, and a map that holds all those."""
+    rng = np.random.default_rng(7)
+    live = rng.permutation(len(sides.live_rows))
+    counterparts: list[I64] = []
+    kept: list[int] = []
+    for row in live:
+        found = sides.counterparts(int(row))
+        if len(found):
+            kept.append(int(row))
+            counterparts.append(found)
+        if len(kept) == max_live:
+            break
+    if not kept:
+        raise TrainError(
+            "validation: no live segment has a counterpart in the map", "do the sets name the same places?"
+        )
+    needed = np.unique(np.concatenate(counterparts))
+    others = np.setdiff1d(np.arange(len(sides.map_rows)), needed)
+    others = rng.permutation(others)[: max(0, max_map - len(needed))]
+    map_rows = sides.map_rows[np.sort(np.concatenate((needed, others)))]
+    return Sides(sides.map, sides.live, map_rows, sides.live_rows[kept], sides.truth)
+
+
+def recall_of(sides: Sides, live: F32, mapped: F32) -> dict[str, float]:
+    """Recall@1 and recall@25 of all live segments by their descriptors."""
+    index, _ = nearest_in_map(live, mapped, sides.live_place, sides.map_place, 25)
+    recall = recall_at(sides, np.arange(len(live)), index, (1, 25))
+    return {f"recall@{k}": value for k, value in recall.items()}
 
 
 def converged(history: list[dict[str, float]]) -> bool:

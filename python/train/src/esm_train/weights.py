@@ -159,6 +159,15 @@ def read_weights(file: Path) -> Weights:
     return Weights(tensors, metadata)
 
 
+def architecture_of(file: Path) -> str:
+    """The line `architecture` of a weights file; empty where there is none."""
+    try:
+        with safe_open(file, framework="numpy") as handle:
+            return str((handle.metadata() or {}).get("architecture", ""))
+    except (OSError, SafetensorError) as error:
+        raise TrainError(f"{file}: {error}", "is it a .safetensors file of esm-train?") from None
+
+
 def plan_of(weights: Weights, file: Path) -> Plan:
     """The plan that a header describes; the widths of the last layers are the tensors'."""
     metadata, tensors = weights.metadata, weights.tensors

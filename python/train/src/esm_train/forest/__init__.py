@@ -1,0 +1,1 @@
+"""The random forests of the peers SegMatch and NSM, grown by scikit-learn on the segments all others are trained on."""
