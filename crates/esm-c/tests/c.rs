@@ -1,4 +1,5 @@
 //! The library as a C program meets it: the header, the example, a torn and a hostile caller.
+#![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
