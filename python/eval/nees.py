@@ -10,12 +10,12 @@
     esm-cli localize --single --map kitti.esm kitti/live.mcap --accumulate 20 --json > kitti.jsonl
     python/eval/nees.py kitti.jsonl kitti/live_truth.tum [more.jsonl more_truth.tum]... --plot nees.png
 
-e is the error of a pose as a right perturbation in the sensor frame (x y z rx ry rz, metres and radians), as the covariance C is
-told; e' C^-1 e follows a chi-square distribution of 6 degrees of freedom where C is right, so its mean over N independent clouds
-lies in [chi2(0.025, 6 N), chi2(0.975, 6 N)] / N in 95 of 100 cases. Clouds of one drive are not independent: neighbours hold the
-same sweeps. So only clouds without a common sweep are counted, one for each `travel_m` of the drive (and no two within
---least metres, for single sweeps see the same things). What is left common (the season, the map, the odometry's drift, which
-stays alike over some 30 m) widens the band in truth; it is not taken into account.
+e is the error of a pose as a right perturbation in the sensor frame (x y z rx ry rz, metres and radians), as the
+covariance C is told; e' C^-1 e follows a chi-square distribution of 6 degrees of freedom where C is right, so its mean
+over N independent clouds lies in [chi2(0.025, 6 N), chi2(0.975, 6 N)] / N in 95 of 100 cases. Clouds of one drive are not
+independent: neighbours hold the same sweeps. So only clouds without a common sweep are counted, one for each `travel_m`
+of the drive (and no two within --least metres, for single sweeps see the same things). What is left common (the season,
+the map, the odometry's drift, which stays alike over some 30 m) widens the band in truth; it is not taken into account.
 """
 
 from __future__ import annotations
@@ -148,7 +148,10 @@ def main() -> None:
     samples = [read(a, b, options.least) for a, b in zip(options.files[::2], options.files[1::2], strict=True)]
     print(f"{'':28} {'':6} {'':6} {'mean':>6}  {'95 %':9} {'':6} {'inside the 95 % ellipsoid':^20}  RMS error over sigma")
     groups = f"{'all':>6} {'shift':>6} {'turn':>6}"
-    print(f"{'clouds':28} {'located':>6} {'count':>5} {'NEES':>6}  {'band':9} {'':6} {groups}  " + " ".join(f"{a:>5}" for a in AXES))
+    print(
+        f"{'clouds':28} {'located':>6} {'count':>5} {'NEES':>6}  {'band':9} {'':6} {groups}  "
+        + " ".join(f"{a:>5}" for a in AXES)
+    )
     for s in samples:
         print(report(s))
     if len(samples) > 1:

@@ -7,16 +7,17 @@
 # ///
 """Does it matter which way the sensor looks and how it leans? Live clouds as recorded, and the same ones turned and tilted.
 
-The sensor is mounted anew: turned about its z axis, then tilted about its y axis. Every sweep's points, the odometry between the
-sweeps and the truth turn with it, so the cloud as a whole (where each sweep was seen from included) is the recorded one, rigidly
-turned; nothing else knows. Each cloud is localized by itself.
+The sensor is mounted anew: turned about its z axis, then tilted about its y axis. Every sweep's points, the odometry
+between the sweeps and the truth turn with it, so the cloud as a whole (where each sweep was seen from included) is the
+recorded one, rigidly turned; nothing else knows. Each cloud is localized by itself.
 
     D=../shared/data/kitti00
     esm-cli map build --descriptor esm-swift $D/map.mcap -o kitti00.esm
     python/eval/turned.py kitti00.esm $D/query.mcap $D/query_truth.tum --accumulate 20 6 0
 
-The map says which descriptor is used. Counted as by `esm-cli localize --truth`: localizable are the clouds within 10 m of the mapped
-path that hold 95 % of the asked travel, correct are those located within 2 m and 5 degrees, false all others that are located.
+The map says which descriptor is used. Counted as by `esm-cli localize --truth`: localizable are the clouds within 10 m of
+the mapped path that hold 95 % of the asked travel, correct are those located within 2 m and 5 degrees, false all others
+that are located.
 """
 
 from __future__ import annotations
@@ -103,16 +104,15 @@ def main() -> None:
     parser.add_argument("--tilt", type=float, default=3.0, help="degrees")
     parser.add_argument("-o", "--output", type=Path, help="the counts as JSON lines")
     options = parser.parse_args()
-    print("| descriptor | travel in a cloud | sensor | localizable | located rightly | false | median error |\n|---|---|---|---|---|---|---|")
+    print("| descriptor | travel in a cloud | sensor | localizable | located rightly | false | median error |")
+    print("|---|---|---|---|---|---|---|")
     for travel_m in options.accumulate:
         for name, turn, tilt in (("as recorded", 0.0, 0.0), ("turned, tilted", options.turn, options.tilt)):
             c = count(options, travel_m, mounting(turn, tilt))
             share = c["found"] / max(c["localizable"], 1)
             error = "" if c["median_m"] is None else f"{c['median_m']:.2f} m, {c['median_deg']:.2f}°"
-            print(
-                f"| `{c['descriptor']}` | {travel_m:g} m | {name} | {c['localizable']} | {c['found']} ({share:.1%}) | {c['false']} | {error} |",
-                flush=True,
-            )
+            found = f"{c['localizable']} | {c['found']} ({share:.1%}) | {c['false']}"
+            print(f"| `{c['descriptor']}` | {travel_m:g} m | {name} | {found} | {error} |", flush=True)
             if options.output:
                 with options.output.open("a") as out:
                     out.write(json.dumps({"turn_deg": turn, "tilt_deg": tilt, **c}) + "\n")

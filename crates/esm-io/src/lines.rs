@@ -28,7 +28,7 @@ impl From<&Pose> for PoseLine {
 ///
 /// # let result = Localization { stamp: 1.5, verdict: Verdict::Located, reason: None,
 /// #     pose_map_sensor: Some(Pose::translation(1.0, 2.0, 3.0)), covariance: None, travel_m: 0.0, segments: 4,
-/// #     described: 4, inliers: 3, score: 2.5, overlap: 0.9, seen: 1.0, runner_up: 0.0, runner_up_pose_map_sensor: None, matches: Vec::new(),
+/// #     described: 4, inliers: 3, score: 2.5, overlap: 0.9, seen: 1.0, free_space_violated: 0.0, runner_up: 0.0, runner_up_pose_map_sensor: None, matches: Vec::new(),
 /// #     timings: Timings::default() };
 /// let line = serde_json::to_string(&LocalizationLine::from(&result))?;
 /// assert!(line.starts_with(r#"{"stamp":1.5,"verdict":"located","reason":null,"pose":{"t":[1.0,2.0,3.0],"#));

@@ -127,6 +127,7 @@ mod tests {
             score: 9.5,
             overlap: 0.0,
             seen: 0.0,
+            free_space_violated: 0.0,
             runner_up: 1.0,
             runner_up_pose_map_sensor: None,
             matches: Vec::new(),

@@ -174,6 +174,7 @@ mod tests {
             score: 0.0,
             overlap: 0.0,
             seen: 0.0,
+            free_space_violated: 0.0,
             runner_up: 0.0,
             runner_up_pose_map_sensor: None,
             matches: Vec::new(),

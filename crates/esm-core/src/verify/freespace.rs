@@ -31,16 +31,20 @@ pub struct Ray {
 /// An even sample of a cloud's rays, `most` of them; none where it is not known where its points were seen from.
 pub fn rays(live: &LiveCloud, most: usize) -> Vec<Ray> {
     let points = live.cloud.points();
-    let origins = live.viewpoints.iter().flat_map(|v| std::iter::repeat_n(v.origin_sensor, v.points));
-    let is_far = |p: &[f32; 3], o: &[f32; 3]| {
-        let d = [0, 1, 2].map(|a| p[a] - o[a]);
-        d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > NEAR_M * NEAR_M
-    };
-    // A step over all points, not over the far ones: one pass.
     let known = live.viewpoints.iter().map(|v| v.points).sum::<usize>().min(points.len());
     let step = known.div_ceil(most.max(1)).max(1);
-    let sample = points.iter().zip(origins).step_by(step).filter(|(p, o)| is_far(p, o));
-    sample.map(|(p, o)| Ray { from: Point3::from(o).cast(), to: Point3::from(*p).cast() }).collect()
+    let (mut sample, mut first) = (Vec::with_capacity(known / step + 1), 0);
+    for view in &live.viewpoints {
+        let end = (first + view.points).min(known);
+        for p in (first.next_multiple_of(step)..end).step_by(step).map(|i| points[i]) {
+            let d = [0, 1, 2].map(|a| p[a] - view.origin_sensor[a]);
+            if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > NEAR_M * NEAR_M {
+                sample.push(Ray { from: Point3::from(view.origin_sensor).cast(), to: Point3::from(p).cast() });
+            }
+        }
+        first = end;
+    }
+    sample
 }
 
 /// Share of the rays that pass through surfaces of the map well before they reach what they saw, 0 to 1; 0 without rays.
