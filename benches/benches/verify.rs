@@ -29,7 +29,8 @@ fn street() -> (Map, LiveCloud, Pose) {
         builder.push_sweep(sweep.stamp, &sweep.cloud, &pose.pose).unwrap();
     }
     let mut accumulator = Accumulator::new(config.accumulate).unwrap();
-    let live = open("live.mcap").filter_map(|s| accumulator.push(s.stamp, &s.cloud, s.pose_odom_sensor)).last();
+    let live =
+        open("live.mcap").filter_map(|s| accumulator.push(s.stamp, &s.cloud, s.pose_odom_sensor)).last();
     let map = builder.finish().unwrap();
     let o = map.origin();
     let pose_origin_sensor =
@@ -54,13 +55,17 @@ fn place(c: &mut Criterion) {
 
     let mut group = c.benchmark_group("a place of 20 m of street");
     group.sample_size(20);
-    group.bench_function("surface, tiles kept", |b| b.iter(|| surroundings.surface(black_box(at.into())).unwrap()));
+    group.bench_function("surface, tiles kept", |b| {
+        b.iter(|| surroundings.surface(black_box(at.into())).unwrap())
+    });
     group.bench_function("surface, tiles made", |b| {
         b.iter(|| Surroundings::new(Arc::clone(&map), reach_m).surface(black_box(at.into())).unwrap())
     });
     group.bench_function("sample", |b| b.iter(|| LivePoints::new(black_box(&cloud), &config.verify)));
     group.bench_function("refine", |b| b.iter(|| refine(&surface, points.all(), black_box(&start))));
-    group.bench_function("verify (refine, overlap)", |b| b.iter(|| verify(&surface, &points, black_box(&start))));
+    group.bench_function("verify (refine, overlap)", |b| {
+        b.iter(|| verify(&surface, &points, black_box(&start)))
+    });
     let sample = rays(&live, 600);
     group.bench_function("sample 600 rays", |b| b.iter(|| rays(black_box(&live), 600)));
     group.bench_function("free space, 600 rays", |b| {

@@ -106,7 +106,8 @@ impl Localizer {
             let pose_map_sensor = self.to_origin_frame(pose_map_sensor);
             Hypothesis { pose_map_sensor, support: consensus.support(&pose_map_sensor) }
         }));
-        let points = LivePoints::new(&cloud, &self.config.verify).with_rays(rays(live, self.config.verify.rays));
+        let points =
+            LivePoints::new(&cloud, &self.config.verify).with_rays(rays(live, self.config.verify.rays));
         let places = self.verify(&points, &candidates, hypotheses)?;
         clock.lap(|t| &mut t.verification);
         Ok(Look { cloud, candidates, places, timings: clock.timings })

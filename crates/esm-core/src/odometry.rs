@@ -66,7 +66,9 @@ impl OdometryConfig {
         ] {
             require((0.0..=45.0).contains(&value), name, value, "0 to 45 degrees")?;
         }
-        for (name, value) in [("odometry.jitter_m", self.jitter_m), ("odometry.distortion_m", self.distortion_m)] {
+        for (name, value) in
+            [("odometry.jitter_m", self.jitter_m), ("odometry.distortion_m", self.distortion_m)]
+        {
             require((0.0..=10.0).contains(&value), name, value, "0 to 10 m")?;
         }
         Ok(())
@@ -97,11 +99,11 @@ impl OdometryConfig {
         let across = Matrix3::identity() - along;
         let sideways = self.drift * ACROSS;
         // A cloud that drifted to one side is fitted as if it were turned: that much less is it beside its place.
-        let drift =
-            along * square(self.drift * lag_m) + across * square(sideways * lag_m * (1.0 - slope));
-        let heading =
-            jitter * square(self.jitter_heading_deg.to_radians()) + square(self.turn_deg_per_m.to_radians() * lag_m);
-        let turns = across * square(sideways * slope) + Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, heading));
+        let drift = along * square(self.drift * lag_m) + across * square(sideways * lag_m * (1.0 - slope));
+        let heading = jitter * square(self.jitter_heading_deg.to_radians())
+            + square(self.turn_deg_per_m.to_radians() * lag_m);
+        let turns =
+            across * square(sideways * slope) + Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, heading));
         let mut covariance = Matrix6::zeros();
         covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&(drift + Matrix3::identity() * shift));
         covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&(turns + Matrix3::identity() * turn));
@@ -136,7 +138,11 @@ impl Travel {
         let points = live.cloud.points();
         let step = points.len().div_ceil(SAMPLE).max(1);
         let ends = points.iter().step_by(step).map(|p| (place(*p), 1.0));
-        Self { lag_m, along: direction * direction.transpose(), slope: (variance(views) / variance(ends)).clamp(0.0, 1.0) }
+        Self {
+            lag_m,
+            along: direction * direction.transpose(),
+            slope: (variance(views) / variance(ends)).clamp(0.0, 1.0),
+        }
     }
 }
 
@@ -160,7 +166,8 @@ mod tests {
         let along = Vector3::from(step).normalize().cast::<f32>();
         let ends = [1.0, -1.0].map(|s| (along * s * ahead_m + Vector3::new(0.0, 0.0, 3.0)).into());
         let sweep = PointCloud::try_new(ends.to_vec()).unwrap();
-        let poses = (0..sweeps).map(|i| step.map(|s| s * i as f64)).map(|[x, y, z]| Pose::translation(x, y, z));
+        let poses =
+            (0..sweeps).map(|i| step.map(|s| s * i as f64)).map(|[x, y, z]| Pose::translation(x, y, z));
         poses.filter_map(|p| accumulator.push(0.0, &sweep, Some(p))).last().unwrap()
     }
 

@@ -205,7 +205,11 @@ mod tests {
             let covariance = Some(Matrix6::identity() * 1e-4);
             let refined = Refined { pose_map_sensor, covariance, residual: 1.0 };
             let support = Support { weight: inliers.len() as f64, inliers };
-            Place::new(support, Verified { refined, overlap: 1.0, seen: 1.0, free_space_violated: 0.0 }, &candidates)
+            Place::new(
+                support,
+                Verified { refined, overlap: 1.0, seen: 1.0, free_space_violated: 0.0 },
+                &candidates,
+            )
         };
         vec![place(0.0, first), place(offset, second)]
     }

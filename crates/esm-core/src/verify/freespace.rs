@@ -39,7 +39,8 @@ pub fn rays(live: &LiveCloud, most: usize) -> Vec<Ray> {
         for p in (first.next_multiple_of(step)..end).step_by(step).map(|i| points[i]) {
             let d = [0, 1, 2].map(|a| p[a] - view.origin_sensor[a]);
             if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > NEAR_M * NEAR_M {
-                sample.push(Ray { from: Point3::from(view.origin_sensor).cast(), to: Point3::from(p).cast() });
+                sample
+                    .push(Ray { from: Point3::from(view.origin_sensor).cast(), to: Point3::from(p).cast() });
             }
         }
         first = end;

@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector3};
 use super::grid::{Grid, Key, cells};
+use nalgebra::{Matrix3, Vector3};
 
 /// Voxel edges of the Gaussians, metres, coarse first: the coarse level catches errors of a metre, the fine one
 /// settles the pose. All edges here divide the tile, so that no voxel lies in two tiles.
@@ -184,7 +184,8 @@ impl Gaussians {
             s.outer += d * d.transpose();
         }
         let (mut numbers, mut all) = (vec![0; sums.len()], Vec::new());
-        for (number, gaussian) in numbers.iter_mut().zip(&sums).filter_map(|(n, s)| Some((n, s.gaussian()?))) {
+        for (number, gaussian) in numbers.iter_mut().zip(&sums).filter_map(|(n, s)| Some((n, s.gaussian()?)))
+        {
             all.push(gaussian);
             *number = all.len() as u32;
         }
