@@ -10,7 +10,7 @@ use super::pairs::agreeing_pairs;
 
 /// The graph of consistent matches: vertices are candidates, edges join those that can be true together.
 ///
-/// Inside, vertices are numbered by place (cell of the map, then live segment); [`Self::candidate`] leads back.
+/// Inside, vertices are numbered by place (cell of the map, then live segment), and each knows its candidate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConsistencyGraph {
     /// Candidate index of each vertex, and the other way round.
