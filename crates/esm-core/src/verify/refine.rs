@@ -19,7 +19,7 @@ const COARSE_POINTS: usize = 500;
 const KERNEL: f64 = 3.0;
 /// Neighbouring points of a cloud see the same surface and the same errors: this many count as one measurement. Fitted, with the
 /// defaults of [`OdometryConfig`](crate::OdometryConfig), on clouds of simulated tuning worlds (seeds 120 and 122).
-const CORRELATED_POINTS: f64 = 8.0;
+const CORRELATED_POINTS: f64 = 6.5;
 
 /// A refined pose.
 #[derive(Clone, Debug, PartialEq)]
