@@ -17,7 +17,10 @@ use crate::map::Map;
 use crate::matching::{MatchConfig, candidates, judged, leading};
 use crate::segment::{Segment, Segmentation, segment};
 use crate::verdict::{Judged, Place, judge};
-use crate::verify::{LivePoints, Shifts, Surroundings, rays, verify};
+use crate::verify::{LivePoints, Shifts, Surroundings, approach, rate, rays, settle, verify, weigh};
+
+/// Places with less than this share of the best one's score are no rivals (`verify.max_runner_up` is twice that by default).
+const WORTH_SETTLING: f64 = 0.25;
 
 /// Finds live clouds in a prior map. Every cloud stands for itself: nothing is kept from one to the next.
 pub struct Localizer {
@@ -145,14 +148,25 @@ impl Localizer {
     ) -> Result<Vec<Place>, Error> {
         let config = &self.config.pose;
         let mut consensus = NearCentroids::new(candidates, config.inlier_m as f32, 0.0);
-        let mut places: Vec<Place> = Vec::new();
+        let mut near = Vec::with_capacity(hypotheses.len());
         for hypothesis in hypotheses {
             let at = hypothesis.pose_map_sensor.translation.vector.map(|v| v as f32);
             let surface = self.surroundings.surface([at.x, at.y, at.z])?;
-            let verified = verify(&surface, live, &hypothesis.pose_map_sensor);
-            let pose_map_sensor = verified.refined.pose_map_sensor;
-            let place = Place::new(consensus.support(&pose_map_sensor), verified, candidates);
-            let twin = |p: &&mut Place| same_place(&p.pose_map_sensor, &pose_map_sensor, config.distinct_m);
+            let pose_map_sensor = approach(&surface, live.all(), &hypothesis.pose_map_sensor);
+            let verified = weigh(&surface, live, rate(&surface, live.all(), &pose_map_sensor));
+            near.push((surface, Place::new(consensus.support(&pose_map_sensor), verified, candidates)));
+        }
+        let best = near.iter().map(|(_, p)| p.score).fold(0.0, f64::max);
+        let mut places: Vec<Place> = Vec::new();
+        for (surface, mut place) in near {
+            // What is far behind stays so: no need to know to the centimetre where it is.
+            if place.score >= WORTH_SETTLING * best {
+                let verified = weigh(&surface, live, settle(&surface, live.all(), &place.pose_map_sensor));
+                let support = consensus.support(&verified.refined.pose_map_sensor);
+                place = Place::new(support, verified, candidates);
+            }
+            let twin =
+                |p: &&mut Place| same_place(&p.pose_map_sensor, &place.pose_map_sensor, config.distinct_m);
             match places.iter_mut().find(twin) {
                 Some(known) if known.score < place.score => *known = place,
                 Some(_) => {}

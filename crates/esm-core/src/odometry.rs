@@ -40,13 +40,13 @@ pub struct OdometryConfig {
 impl Default for OdometryConfig {
     fn default() -> Self {
         Self {
-            drift: 0.0115,
+            drift: 0.012,
             turn_deg_per_m: 0.007,
-            jitter_m: 0.03,
-            jitter_deg: 0.036,
-            jitter_heading_deg: 0.11,
-            distortion_m: 0.034,
-            distortion_deg: 0.24,
+            jitter_m: 0.028,
+            jitter_deg: 0.039,
+            jitter_heading_deg: 0.115,
+            distortion_m: 0.036,
+            distortion_deg: 0.25,
         }
     }
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 pub use chance::chance_false;
 pub use freespace::{Ray, free_space_violated, rays};
-pub use refine::{Refined, refine};
+pub use refine::{Refined, approach, rate, refine, settle};
 pub use shifts::{Shift, Shifts};
 pub use surface::{Gaussian, Surface, Tile};
 pub use surroundings::Surroundings;
@@ -136,7 +136,11 @@ pub struct Verified {
 
 /// Refines a pose on the surface around it, and measures the overlap and how much free space it violates.
 pub fn verify(surface: &Surface, live: &LivePoints, pose_map_sensor: &Pose) -> Verified {
-    let refined = refine(surface, &live.all, pose_map_sensor);
+    weigh(surface, live, refine(surface, &live.all, pose_map_sensor))
+}
+
+/// Measures what speaks for a refined pose and what against.
+pub fn weigh(surface: &Surface, live: &LivePoints, refined: Refined) -> Verified {
     let (mut seen, mut found) = (0usize, 0usize);
     for p in &live.structure {
         let at = transform_point(&refined.pose_map_sensor, *p);

@@ -6,15 +6,20 @@ use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6}
 use super::surface::{LEVELS_M, Surface};
 use crate::cloud::Pose;
 
-/// Iterations a level.
-const ITERATIONS: usize = 6;
+/// The coarse and the fine level of the surface.
+const COARSE: usize = 0;
+const FINE: usize = LEVELS_M.len() - 1;
+/// Iterations a level at most. A sensor that leans by ten degrees needs a dozen coarse ones: places are found upright.
+const ITERATIONS: [usize; LEVELS_M.len()] = [20, 10];
 /// A level is settled when a step moves less than this, metres and radians.
-const SETTLED: f64 = 1e-4;
+const SETTLED: [f64; LEVELS_M.len()] = [1e-3, 1e-4];
+/// Points that are enough for the coarse level.
+const COARSE_POINTS: usize = 500;
 /// Mahalanobis distance at which a point's weight has fallen to a quarter (Geman-McClure).
 const KERNEL: f64 = 3.0;
 /// Neighbouring points of a cloud see the same surface and the same errors: this many count as one measurement. Fitted, with the
 /// defaults of [`OdometryConfig`](crate::OdometryConfig), on clouds of simulated tuning worlds (seeds 120 and 122).
-const CORRELATED_POINTS: f64 = 8.0;
+const CORRELATED_POINTS: f64 = 6.5;
 
 /// A refined pose.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,23 +33,47 @@ pub struct Refined {
     pub residual: f64,
 }
 
-/// Refines `pose_map_sensor` so that `points_sensor` come to lie on the map's surface.
+/// Refines `pose_map_sensor` so that `points_sensor` come to lie on the map's surface: [`approach`], then [`settle`].
 pub fn refine(surface: &Surface, points_sensor: &[[f32; 3]], pose_map_sensor: &Pose) -> Refined {
-    let points: Vec<Vector3<f64>> =
-        points_sensor.iter().map(|p| Vector3::new(p[0] as f64, p[1] as f64, p[2] as f64)).collect();
-    let mut pose = *pose_map_sensor;
-    for level in 0..LEVELS_M.len() {
-        for _ in 0..ITERATIONS {
-            let system = System::new(surface, level, &points, &pose);
-            let Some(step) = system.step() else { break };
-            pose = perturb(&pose, &step);
-            if step.norm() < SETTLED {
-                break;
-            }
+    settle(surface, points_sensor, &approach(surface, points_sensor, pose_map_sensor))
+}
+
+/// The first part of the refinement, from a metre and ten degrees to some centimetres, on the coarse level and few points.
+pub fn approach(surface: &Surface, points_sensor: &[[f32; 3]], pose_map_sensor: &Pose) -> Pose {
+    let step = (points_sensor.len() / COARSE_POINTS).max(1);
+    descend(surface, COARSE, &vectors(points_sensor, step), pose_map_sensor)
+}
+
+/// The second part, on the fine level, from where [`approach`] ends.
+pub fn settle(surface: &Surface, points_sensor: &[[f32; 3]], pose_map_sensor: &Pose) -> Refined {
+    let pose = descend(surface, FINE, &vectors(points_sensor, 1), pose_map_sensor);
+    rate(surface, points_sensor, &pose)
+}
+
+/// How well a pose stands as it is.
+pub fn rate(surface: &Surface, points_sensor: &[[f32; 3]], pose_map_sensor: &Pose) -> Refined {
+    let system = System::new(surface, FINE, &vectors(points_sensor, 1), pose_map_sensor);
+    Refined {
+        pose_map_sensor: *pose_map_sensor,
+        covariance: system.covariance(),
+        residual: system.residual(),
+    }
+}
+
+fn vectors(points: &[[f32; 3]], step: usize) -> Vec<Vector3<f64>> {
+    points.iter().step_by(step).map(|p| Vector3::from(*p).cast()).collect()
+}
+
+fn descend(surface: &Surface, level: usize, points: &[Vector3<f64>], from: &Pose) -> Pose {
+    let mut pose = *from;
+    for _ in 0..ITERATIONS[level] {
+        let Some(step) = System::new(surface, level, points, &pose).step() else { break };
+        pose = perturb(&pose, &step);
+        if step.norm() < SETTLED[level] {
+            break;
         }
     }
-    let system = System::new(surface, LEVELS_M.len() - 1, &points, &pose);
-    Refined { pose_map_sensor: pose, covariance: system.covariance(), residual: system.residual() }
+    pose
 }
 
 /// The normal equations of one Gauss-Newton step.
@@ -180,6 +209,19 @@ mod tests {
         assert!(error.translation.vector.norm() < 0.05, "{error}");
         assert!(error.rotation.angle() < 0.003, "{error}");
         assert!(found.covariance.is_some());
+    }
+
+    #[test]
+    fn a_sensor_that_leans_by_ten_degrees_is_found_from_upright() {
+        let (objects, ground) = street();
+        let surface = surface_of(&objects, &ground);
+        let truth = Pose::new(Vector3::new(20.0, 0.5, 1.7), Vector3::new(0.14, 0.1, 0.4));
+        let live: Vec<[f32; 3]> =
+            objects.iter().chain(&ground).step_by(7).map(|p| transform_point(&truth.inverse(), *p)).collect();
+        let guess = Pose::new(Vector3::new(20.2, 0.3, 1.5), Vector3::new(0.0, 0.0, 0.38));
+        let error = truth.inv_mul(&refine(&surface, &live, &guess).pose_map_sensor);
+        assert!(error.translation.vector.norm() < 0.05, "{error}");
+        assert!(error.rotation.angle() < 0.003, "{error}");
     }
 
     #[test]
