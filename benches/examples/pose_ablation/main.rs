@@ -6,8 +6,8 @@
 //!
 //! Clouds stand for themselves. Without verification the best place is believed when it has enough matches, as the paper's
 //! pipeline does: `--tune` finds, for every way, the fewest with which nothing false is accepted, and notes them in FILE (the
-//! largest of all runs that note there); `--frozen` takes them from there. With `--min-quality`, `--max-distance` or
-//! `--max-false-positive-rate` every way runs a second time on the candidates that are left.
+//! largest of all runs that note there); `--frozen` takes them from there. With `--min-quality` every way runs
+//! once more on the candidates that are left by it, with `--max-distance` or `--max-false-positive-rate` likewise.
 
 mod recording;
 mod remembered;
@@ -76,9 +76,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Arc::new(Remembered::new(describe::by_name(&args.config.descriptor)?));
     let clouds = Recorded::read(live, truth, &map, &args.config, args.every)?;
     let mut candidates = vec![("all", args.config.clone())];
-    if args.pruned != MatchConfig::default() {
-        candidates
-            .push(("pruned", Config { matching: args.pruned.of(&*descriptor)?, ..args.config.clone() }));
+    let MatchConfig { min_quality, max_distance, max_false_positive_rate, .. } = args.pruned;
+    for (name, pruned) in [
+        ("of good quality", MatchConfig { min_quality, ..MatchConfig::default() }),
+        ("near", MatchConfig { max_distance, max_false_positive_rate, ..MatchConfig::default() }),
+    ] {
+        if pruned != MatchConfig::default() {
+            candidates.push((name, Config { matching: pruned.of(&*descriptor)?, ..args.config.clone() }));
+        }
     }
     let mut frozen = Frozen::read(args.frozen.as_deref().or(args.tune.as_deref()))?;
     let mut rows = Vec::new();

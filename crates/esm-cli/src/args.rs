@@ -139,6 +139,10 @@ pub struct LocalizeArgs {
     /// place that was believed is followed by the odometry
     #[arg(long)]
     pub single: bool,
+    /// Milliseconds a cloud may take: where they would not do, the smallest segments are left out, and the results depend on
+    /// the machine [default: as long as it takes]
+    #[arg(long, value_name = "MS", allow_negative_numbers = true)]
+    pub budget_ms: Option<f64>,
     /// Where the sensor truly was, in the map frame: a TUM file, or an .mcap with odometry
     #[arg(long, value_name = "FILE.tum", value_hint = ValueHint::FilePath)]
     pub truth: Option<PathBuf>,
@@ -320,6 +324,10 @@ pub struct ServeArgs {
     /// Metres of travel a cloud of a session holds, where the session does not say; 0 takes each sweep by itself
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     pub accumulate: Option<f64>,
+    /// Milliseconds a cloud may take: where they would not do, the smallest segments are left out, and the answers depend on
+    /// the machine [default: as long as it takes]
+    #[arg(long, value_name = "MS", allow_negative_numbers = true)]
+    pub budget_ms: Option<f64>,
     /// Maps may be loaded from here too, while it runs; otherwise from the folders of the given maps only
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub map_root: Vec<PathBuf>,

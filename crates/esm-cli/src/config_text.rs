@@ -161,6 +161,12 @@ const MEANINGS: &[(&str, &str)] = &[
         "verify.max_runner_up",
         "A second place with more than this share of the best score makes the cloud ambiguous, 0 to 1.",
     ),
+    ("budget", "How long a cloud may take."),
+    (
+        "budget.ms",
+        "Milliseconds from the newest sweep to the answer; 0: as long as it takes. Where they would not do, the segments of \
+         fewest points are left out. The one setting with which the same input does not give the same bits. (--budget-ms)",
+    ),
     ("sequence", "From clouds to the way of one robot, where its motion is known. (not with --single)"),
     ("sequence.drift", "Error of the odometry, metres a metre of travel."),
     (

@@ -99,6 +99,7 @@ fn visit(place: &Place, args: &DemoArgs, lines: &mut Lines) -> anyhow::Result<Fo
             inputs: vec![file("live.mcap")],
             map: file("map.esm"),
             single: false,
+            budget_ms: None,
             truth: Some(file("live_truth.tum")),
             json: false,
             output: Some(file("poses.tum")),

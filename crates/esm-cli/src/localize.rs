@@ -38,7 +38,8 @@ pub(crate) struct Found {
 pub(crate) fn localize(args: &LocalizeArgs, lines: Lines) -> anyhow::Result<Found> {
     check_distinct(&args.inputs)?;
     check_outputs(args)?;
-    let Settings { mut config, descriptor_given } = settings::configure(&args.tune, &args.live)?;
+    let Settings { mut config, descriptor_given } =
+        settings::configure(&args.tune, &args.live)?.within(args.budget_ms)?;
     let map = Arc::new(Map::open(&args.map)?);
     if !descriptor_given && describe::NAMES.contains(&map.descriptor_info().name.as_str()) {
         config.descriptor.clone_from(&map.descriptor_info().name);

@@ -21,7 +21,8 @@ const MAX_TIMEOUT_S: f64 = 3600.0;
 
 pub(crate) fn run(args: &ServeArgs) -> anyhow::Result<Outcome> {
     let live = LiveArgs { accumulate: args.accumulate, swathes: false };
-    let Settings { config, descriptor_given } = settings::configure(&args.tune, &live)?;
+    let Settings { config, descriptor_given } =
+        settings::configure(&args.tune, &live)?.within(args.budget_ms)?;
     let options = options(args, config, descriptor_given)?;
     let maps = args.map.iter().map(|text| named_map(text)).collect();
     let (tell, told) = tokio::sync::oneshot::channel::<()>();

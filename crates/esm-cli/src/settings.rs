@@ -58,6 +58,20 @@ pub(crate) fn configure(tune: &TuneArgs, live: &LiveArgs) -> anyhow::Result<Sett
     Ok(Settings { config, descriptor_given: in_file || tune.descriptor.is_some() })
 }
 
+impl Settings {
+    /// With what a cloud may take, where the flag was given.
+    pub(crate) fn within(mut self, budget_ms: Option<f64>) -> anyhow::Result<Self> {
+        if let Some(ms) = budget_ms {
+            self.config.budget.ms = ms;
+            self.config.check().map_err(|_| {
+                let what = format!("--budget-ms {ms}: that is no time a cloud may take");
+                Failure::new(what, "give milliseconds, or 0 for as long as it takes")
+            })?;
+        }
+        Ok(self)
+    }
+}
+
 /// What a bad value is to be blamed on.
 fn origin(tune: &TuneArgs) -> String {
     match &tune.config {

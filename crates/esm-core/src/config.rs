@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::accumulate::AccumulateConfig;
+use crate::budget::BudgetConfig;
 use crate::describe;
 use crate::error::Error;
 use crate::estimate::PoseConfig;
@@ -34,6 +35,8 @@ pub struct Config {
     pub pose: PoseConfig,
     /// From places to a verdict.
     pub verify: VerifyConfig,
+    /// How long a cloud may take.
+    pub budget: BudgetConfig,
     /// From clouds to the way of one robot.
     pub sequence: SequenceConfig,
     /// How maps are built.
@@ -51,6 +54,7 @@ impl Default for Config {
             matching: MatchConfig::default(),
             pose: PoseConfig::default(),
             verify: VerifyConfig::default(),
+            budget: BudgetConfig::default(),
             sequence: SequenceConfig::default(),
             map: BuildConfig::default(),
         }
@@ -70,6 +74,7 @@ impl Config {
         self.matching.check()?;
         self.pose.check()?;
         self.verify.check()?;
+        self.budget.check()?;
         self.sequence.check()?;
         self.map.check()
     }

@@ -60,6 +60,7 @@
 //! ```
 
 pub mod accumulate;
+mod budget;
 pub mod cloud;
 pub mod config;
 pub mod describe;
@@ -79,6 +80,7 @@ mod verdict;
 pub mod verify;
 
 pub use accumulate::{AccumulateConfig, Accumulator, LiveCloud, Viewpoint};
+pub use budget::BudgetConfig;
 pub use cloud::{PointCloud, Pose, transform_point};
 pub use config::Config;
 pub use describe::{Descriptions, Descriptor};

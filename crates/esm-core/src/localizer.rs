@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use nalgebra::Vector3;
 
 use crate::accumulate::LiveCloud;
+use crate::budget::Budget;
 use crate::cloud::Pose;
 use crate::config::Config;
 use crate::describe::{self, Descriptions, Descriptor};
@@ -22,19 +23,23 @@ use crate::verify::{LivePoints, Shifts, Surroundings, approach, rate, rays, sett
 /// Places with less than this share of the best one's score are no rivals (`verify.max_runner_up` is twice that by default).
 const WORTH_SETTLING: f64 = 0.25;
 
-/// Finds live clouds in a prior map. Every cloud stands for itself: nothing is kept from one to the next.
+/// Finds live clouds in a prior map. Every cloud stands for itself: nothing is kept from one to the next (but how long it took, where
+/// there is a [budget](crate::BudgetConfig)).
 pub struct Localizer {
     map: Arc<Map>,
     descriptor: Arc<dyn Descriptor>,
     index: Index,
     surroundings: Surroundings,
     shifts: Shifts,
+    budget: Budget,
     config: Config,
 }
 
 /// A cloud that was looked for, before the verdict.
 pub(crate) struct Look {
     pub(crate) cloud: Segmentation,
+    /// Of its segments, the first so many were described.
+    described: usize,
     pub(crate) candidates: Vec<Candidate>,
     /// Best first, relative to the map's origin.
     pub(crate) places: Vec<Place>,
@@ -72,6 +77,7 @@ impl Localizer {
             index,
             surroundings,
             shifts,
+            budget: Budget::new(&config.budget),
             config: Config { matching, ..config.clone() },
         })
     }
@@ -95,12 +101,13 @@ impl Localizer {
     /// verified.
     pub(crate) fn look(&self, live: &LiveCloud, expected_map_sensor: &[Pose]) -> Result<Look, Error> {
         let mut clock = Clock::new(live.elapsed);
-        let cloud = segment(&live.cloud, &self.config.segment);
+        let mut cloud = segment(&live.cloud, &self.config.segment);
         clock.lap(|t| &mut t.segmentation);
-        let described = self.describe(&cloud.segments);
+        let described = self.describe(&mut cloud.segments, || clock.elapsed());
         clock.lap(|t| &mut t.descriptor);
         clock.split_preprocessing(described.preprocessing);
-        let (candidates, judging) = self.candidates(&cloud.segments, &described);
+        let count = described.quality.len();
+        let (candidates, judging) = self.candidates(&cloud.segments[..count], &described);
         clock.lap(|t| &mut t.matching);
         clock.timings.judging = judging;
         let mut hypotheses = search(&candidates, &self.config.pose, self.config.seed).places;
@@ -114,11 +121,14 @@ impl Localizer {
             LivePoints::new(&cloud, &self.config.verify).with_rays(rays(live, self.config.verify.rays));
         let places = self.verify(&points, &candidates, hypotheses)?;
         clock.lap(|t| &mut t.verification);
-        Ok(Look { cloud, candidates, places, timings: clock.timings })
+        let timings = clock.timings;
+        self.budget.note(timings.matching + timings.pose + timings.verification);
+        Ok(Look { cloud, described: count, candidates, places, timings })
     }
 
-    fn describe(&self, segments: &[Segment]) -> Descriptions {
-        let mut described = self.descriptor.describe(segments);
+    /// The first segments, those that there is time for, on the map's scale.
+    fn describe(&self, segments: &mut [Segment], elapsed: impl Fn() -> Duration) -> Descriptions {
+        let mut described = self.budget.describe(&*self.descriptor, segments, elapsed);
         if let Some(standardizer) = self.map.standardizer() {
             standardizer.apply(&mut described.values);
         }
@@ -215,7 +225,7 @@ impl Localizer {
 
     /// What is said about the cloud once it is judged.
     pub(crate) fn answer(&self, live: &LiveCloud, look: Look, judged: Judged) -> Localization {
-        let Look { cloud, candidates, places, timings } = look;
+        let Look { cloud, described, candidates, places, timings } = look;
         let runner_up = judged.runner_up.map(|i| &places[i]);
         let mut answer = Localization {
             stamp: live.stamp,
@@ -225,7 +235,7 @@ impl Localizer {
             covariance: None,
             travel_m: live.travel_m,
             segments: cloud.segments.len(),
-            described: cloud.segments.len(),
+            described,
             inliers: 0,
             score: 0.0,
             overlap: 0.0,
@@ -237,7 +247,7 @@ impl Localizer {
             timings,
         };
         let Some(best) = judged.best.map(|i| &places[i]) else {
-            answer.reason = Some(self.nothing_found(&cloud));
+            answer.reason = Some(self.nothing_found(&cloud, described));
             return answer;
         };
         (answer.inliers, answer.score) = (best.support.inliers.len(), best.score);
@@ -256,10 +266,14 @@ impl Localizer {
         answer
     }
 
-    fn nothing_found(&self, cloud: &Segmentation) -> String {
+    fn nothing_found(&self, cloud: &Segmentation, described: usize) -> String {
         match cloud.segments.len() {
             0 if cloud.voxelled == 0 => "the cloud is empty".to_owned(),
             0 => "no segments in the cloud".to_owned(),
+            n if n > described => format!(
+                "no {} of the {described} segments that budget.ms left of {n} agree on a place",
+                self.config.pose.min_inliers
+            ),
             n => format!("no {} of the {n} segments agree on a place", self.config.pose.min_inliers),
         }
     }
@@ -308,6 +322,11 @@ struct Clock {
 impl Clock {
     fn new(accumulation: Duration) -> Self {
         Self { timings: Timings { accumulation, ..Timings::default() }, last: Instant::now() }
+    }
+
+    /// Since the newest sweep came.
+    fn elapsed(&self) -> Duration {
+        self.timings.total() + self.last.elapsed()
     }
 
     fn lap(&mut self, stage: impl Fn(&mut Timings) -> &mut Duration) {

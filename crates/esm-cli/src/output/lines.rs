@@ -74,12 +74,15 @@ pub(crate) fn table_line(result: &Localization, judgement: Option<&Judgement>) -
         }
         None => format!("{:>11} {:>11} {:>8} {:>7}", "-", "-", "-", "-"),
     };
+    let segments = match result.segments - result.described {
+        0 => result.segments.to_string(),
+        _ => format!("{}/{}", result.described, result.segments),
+    };
     let mut line = format!(
-        "{:>20.6} {:<9} {place} {:>7.1} {:>5} {:>5} {:>7.2} {:>7.2} {:>8.1}",
+        "{:>20.6} {:<9} {place} {:>7.1} {segments:>5} {:>5} {:>7.2} {:>7.2} {:>8.1}",
         result.stamp,
         result.verdict.as_str(),
         result.travel_m,
-        result.segments,
         result.inliers,
         result.score,
         result.runner_up,

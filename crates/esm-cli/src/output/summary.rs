@@ -41,18 +41,17 @@ impl StageTimes {
 
     /// `{"total": {"p50":..,"p95":..,"max":..}, ...}`, milliseconds.
     pub(crate) fn json(&self) -> Value {
-        let of =
-            |q: &Quantiles| json!({"p50": micro(q.at(0.5)), "p95": micro(q.at(0.95)), "max": micro(q.max())});
+        let of = |q: &Quantiles| json!({"p50": micro(q.at(0.5)), "p95": micro(q.at(0.95)), "p99": micro(q.at(0.99)), "max": micro(q.max())});
         Value::Object(self.stages.iter().map(|(name, q)| ((*name).to_owned(), of(q))).collect())
     }
 
     /// A line a stage.
     pub(crate) fn table(&self) -> String {
-        let mut text = format!("{:<16} {:>9} {:>9} {:>9}\n", "ms a cloud", "p50", "p95", "max");
+        let mut text = format!("{:<16} {:>9} {:>9} {:>9} {:>9}\n", "ms a cloud", "p50", "p95", "p99", "max");
         for (name, q) in &self.stages {
             let cell = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
-            let row = [q.at(0.5), q.at(0.95), q.max()].map(cell);
-            text.push_str(&format!("{name:<16} {:>9} {:>9} {:>9}\n", row[0], row[1], row[2]));
+            let row = [q.at(0.5), q.at(0.95), q.at(0.99), q.max()].map(cell);
+            text.push_str(&format!("{name:<16} {:>9} {:>9} {:>9} {:>9}\n", row[0], row[1], row[2], row[3]));
         }
         text
     }
@@ -87,6 +86,9 @@ impl Summary<'_> {
             put("median_error_m", json!(micro(t.errors_m.at(0.5))));
             put("median_error_deg", json!(micro(t.errors_deg.at(0.5))));
             put("outside_truth", json!(t.outside_truth));
+        }
+        if t.shed.0 > 0 {
+            put("shed", json!({"clouds": t.shed.0, "segments": t.shed.1}));
         }
         put("accumulate_m", json!(self.accumulate_m));
         put("timings_ms", self.times.json());
@@ -125,6 +127,12 @@ impl Summary<'_> {
             if let (Some(m), Some(deg)) = (t.errors_m.at(0.5), t.errors_deg.at(0.5)) {
                 text.push_str(&format!("median error {m:.3} m, {deg:.3}°\n"));
             }
+        }
+        if t.shed.0 > 0 {
+            text.push_str(&format!(
+                "({} segments of {} clouds were left out for want of time: --budget-ms)\n",
+                t.shed.1, t.shed.0
+            ));
         }
         text.push('\n');
         text.push_str(&self.times.table());

@@ -58,6 +58,8 @@ pub struct Tally {
     pub correct: usize,
     /// Located and not correct, anywhere.
     pub wrong: usize,
+    /// Clouds of which some segments were not described, and how many in all, for want of time.
+    pub shed: (usize, usize),
     /// Of the correct ones, metres.
     pub errors_m: Quantiles,
     /// Of the correct ones, degrees.
@@ -77,6 +79,8 @@ impl Tally {
             Verdict::Ambiguous => self.ambiguous += 1,
             Verdict::NotFound => self.not_found += 1,
         }
+        let shed = result.segments - result.described;
+        self.shed = (self.shed.0 + usize::from(shed > 0), self.shed.1 + shed);
         let Some(judgement) = judgement else { return };
         let correct = judgement.is_correct(result.verdict);
         if judgement.localizable == Some(true) {
