@@ -1,5 +1,3 @@
-use std::time::Instant;
-
 use proptest::prelude::*;
 
 use super::*;
@@ -110,16 +108,15 @@ fn exactly_at_the_tolerance_is_linked() {
 
 #[test]
 fn two_crowds_just_out_of_reach_do_not_take_quadratic_time() {
-    let n = 100_000;
+    // Pair by pair this would be 10^11 distances, and no end to wait for.
+    let n = 300_000;
     let points: Vec<[f32; 3]> = (0..n)
         .flat_map(|i| {
             let t = i as f32 / n as f32 * 0.2;
             [[0.0, t, 0.2 - t], [0.51, t, 0.2 - t]]
         })
         .collect();
-    let start = Instant::now();
     assert_eq!(euclidean_clusters(&points, 0.5, 1, usize::MAX).len(), 2);
-    assert!(start.elapsed().as_secs_f64() < 5.0, "{:?}", start.elapsed());
 }
 
 #[test]
