@@ -8,7 +8,7 @@
 use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use esm_core::estimate::{Candidate, Method, Pair, PoseConfig, search, sort_by_quality};
+use esm_core::estimate::{ANY_TURN, Candidate, Method, Pair, PoseConfig, search, sort_by_quality};
 use esm_core::{Pose, transform_point};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -36,7 +36,9 @@ fn candidates(live: u32, k: u32, side: f32) -> Vec<Candidate> {
                 [up_to(side), up_to(side), up_to(4.0)]
             };
             let (distance, quality) = (up_to(1.0), up_to(1.0));
-            all.push(Candidate { live: l, map: l * k + i, distance, quality, pair: Pair { live: at, map } });
+            let pair = Pair { live: at, map };
+            let map = l * k + i;
+            all.push(Candidate { live: l, map, distance, quality, pair, turns: ANY_TURN });
         }
     }
     sort_by_quality(&mut all);

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::describe::{Descriptions, Descriptor, PairJudge};
 use crate::error::{Error, require};
-use crate::estimate::{Candidate, Pair, sort_by_quality};
+use crate::estimate::{ANY_TURN, Candidate, Pair, sort_by_quality};
 use crate::index::{Index, Search};
 use crate::map::Map;
 use crate::segment::Segment;
@@ -145,6 +145,7 @@ pub fn candidates(
                 distance: n.distance,
                 quality: described.quality[live] * map.quality()[row],
                 pair: Pair { live: segment.centroid, map: map.segments()[row].centroid },
+                turns: ANY_TURN,
             });
         }
     }

@@ -195,6 +195,7 @@ mod tests {
                     distance: 0.0,
                     quality: 1.0,
                     pair,
+                    turns: u64::MAX,
                 });
             }
         }

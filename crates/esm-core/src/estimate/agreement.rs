@@ -1,9 +1,9 @@
 //! When two candidate matches can be true together: the test of one pair.
 
-use super::candidate::Candidate;
+use super::candidate::{ANY_TURN, Candidate};
 
 /// When two matches agree: their segments lie as far apart in the live cloud as in the map, and, where gravity is known,
-/// stand at the same relative height.
+/// stand at the same relative height and have the same extents on a turn that the two of them allow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
     /// Largest difference of the two lengths, metres.
@@ -14,16 +14,31 @@ pub struct Agreement {
 }
 
 /// Turns about the up axis are told apart by this many bins of a full circle: one bit each.
-const TURNS: f32 = 64.0;
+pub(super) const TURNS: f32 = 64.0;
 /// Two matches of one pose err sideways by at most this many times the resolution: each end of the pair may be off.
 const SIDEWAYS: f32 = 2.0;
 
 impl Agreement {
     /// Whether two matches agree. Neither two of one live segment nor two of one map segment do.
     pub fn holds(&self, a: &Candidate, b: &Candidate) -> bool {
-        a.live != b.live
-            && a.map != b.map
-            && self.bounds(a.pair.live, b.pair.live).hold(difference(a.pair.map, b.pair.map))
+        a.live != b.live && a.map != b.map && self.fits(a, b)
+    }
+
+    /// The same for any two matches: by where their segments are and how large.
+    pub(super) fn fits(&self, a: &Candidate, b: &Candidate) -> bool {
+        self.bounds(a.pair.live, b.pair.live).hold(difference(a.pair.map, b.pair.map))
+            && self.extents_allow(a, b)
+    }
+
+    /// Whether the segments of both have the same extents on one turn that their places allow.
+    pub(super) fn extents_allow(&self, a: &Candidate, b: &Candidate) -> bool {
+        let both = self.alone(a) & self.alone(b);
+        both == ANY_TURN || both & self.turns(a, b).bits() != 0
+    }
+
+    /// The turns that a match allows by itself.
+    pub(super) fn alone(&self, a: &Candidate) -> u64 {
+        if self.max_tilt_rad.is_some() { a.turns } else { ANY_TURN }
     }
 
     /// What a pair of map segments must keep to when their live segments lie at `a` and `b`.
@@ -162,7 +177,7 @@ mod tests {
                 .map(|(i, (l, e))| {
                     let m = transform_point(&pose, *l);
                     let pair = Pair { live: *l, map: [m[0] + e[0], m[1] + e[1], m[2] + e[2]] };
-                    Candidate { live: i as u32, map: i as u32, distance: 0.0, quality: 1.0, pair }
+                    Candidate { live: i as u32, map: i as u32, distance: 0.0, quality: 1.0, pair, turns: ANY_TURN }
                 })
                 .collect();
             let bin = ((yaw as f32 / std::f32::consts::TAU + 1.5) * TURNS) as u32 % 64;

@@ -80,7 +80,8 @@ mod tests {
             let at = [up_to(80.0), up_to(80.0), 0.0];
             for i in 0..k {
                 let pair = Pair { live: at, map: [up_to(side), up_to(side), 0.0] };
-                all.push(Candidate { live: l, map: l * k + i, distance: 0.0, quality: 1.0, pair });
+                let (map, turns) = (l * k + i, u64::MAX);
+                all.push(Candidate { live: l, map, distance: 0.0, quality: 1.0, pair, turns });
             }
         }
         all

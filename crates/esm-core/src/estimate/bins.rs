@@ -72,27 +72,45 @@ impl Bins {
     pub(super) fn later(&self, cell: usize, reach: f32, ranges: &mut Vec<Range<usize>>) {
         ranges.clear();
         let (x, y) = self.cells[cell];
-        // Cells from `low` to `high` of the cells of one column.
-        let mut add = |cells: Range<usize>, low: i64, high: i64| {
-            let column = &self.cells[cells.clone()];
-            let first = cells.start + column.partition_point(|c| c.1 < low);
-            let last = cells.start + column.partition_point(|c| c.1 <= high);
-            if first < last {
-                ranges.push(self.starts[first]..self.starts[last]);
-            }
-        };
-        let most = i64::from((reach / self.edge) as i32) + 1;
         let own = self.columns.partition_point(|c| c.0 <= x);
-        add(cell + 1..self.columns[own].1, y + 1, y + most);
-        for pair in self.columns[own..].windows(2) {
-            let dx = pair[0].0 - x;
-            if dx > most {
+        self.add(cell + 1..self.columns[own].1, y + 1, y + self.along(reach, 0), ranges);
+        self.add_columns(own, cell, reach, ranges);
+    }
+
+    /// For what lies in `cell`: all members within `reach` metres, those of the cell itself included, in ascending ranges.
+    pub(super) fn around(&self, cell: usize, reach: f32, ranges: &mut Vec<Range<usize>>) {
+        ranges.clear();
+        let farthest = self.cells[cell].0 - self.along(reach, 0);
+        self.add_columns(self.columns.partition_point(|c| c.0 < farthest), cell, reach, ranges);
+    }
+
+    /// Adds what lies within reach of a cell in the columns from the `first` on.
+    fn add_columns(&self, first: usize, cell: usize, reach: f32, ranges: &mut Vec<Range<usize>>) {
+        let (x, y) = self.cells[cell];
+        for pair in self.columns[first..].windows(2) {
+            let aside = (pair[0].0 - x).abs();
+            if aside > self.along(reach, 0) {
                 break;
             }
-            // Between a cell and one `dx` columns on lie at least dx - 1 whole columns.
-            let aside = (dx - 1) as f32 * self.edge;
-            let along = i64::from(((reach * reach - aside * aside).max(0.0).sqrt() / self.edge) as i32) + 1;
-            add(pair[0].1..pair[1].1, y - along, y + along);
+            let along = self.along(reach, aside);
+            self.add(pair[0].1..pair[1].1, y - along, y + along, ranges);
+        }
+    }
+
+    /// Cells along a column, `aside` columns away, that may lie within reach.
+    fn along(&self, reach: f32, aside: i64) -> i64 {
+        // Between a cell and one `aside` columns on lie at least aside - 1 whole columns.
+        let aside = (aside - 1).max(0) as f32 * self.edge;
+        i64::from(((reach * reach - aside * aside).max(0.0).sqrt() / self.edge) as i32) + 1
+    }
+
+    /// Adds the members of the cells from `low` to `high` among the cells of one column.
+    fn add(&self, cells: Range<usize>, low: i64, high: i64, ranges: &mut Vec<Range<usize>>) {
+        let column = &self.cells[cells.clone()];
+        let first = cells.start + column.partition_point(|c| c.1 < low);
+        let last = cells.start + column.partition_point(|c| c.1 <= high);
+        if first < last {
+            ranges.push(self.starts[first]..self.starts[last]);
         }
     }
 }
@@ -109,7 +127,14 @@ mod tests {
         fn all_near_pairs_come_once(at in prop::collection::vec(prop::array::uniform2(-90.0f32..90.0), 1..80), reach in 1.0f32..80.0) {
             let candidates: Vec<Candidate> = at
                 .iter()
-                .map(|p| Candidate { live: 0, map: 0, distance: 0.0, quality: 1.0, pair: Pair { live: [0.0; 3], map: [p[0], p[1], 0.0] } })
+                .map(|p| Candidate {
+                    live: 0,
+                    map: 0,
+                    distance: 0.0,
+                    quality: 1.0,
+                    pair: Pair { live: [0.0; 3], map: [p[0], p[1], 0.0] },
+                    turns: u64::MAX,
+                })
                 .collect();
             let bins = Bins::new(&candidates, 80.0);
             let mut times = vec![0; at.len() * at.len()];
@@ -117,6 +142,14 @@ mod tests {
             for cell in 0..bins.cells() {
                 bins.later(cell, reach, &mut ranges);
                 prop_assert!(ranges.windows(2).all(|r| r[0].end <= r[1].start));
+                let mut around = Vec::new();
+                bins.around(cell, reach, &mut around);
+                prop_assert!(around.windows(2).all(|r| r[0].end <= r[1].start));
+                let later: Vec<usize> = ranges.iter().cloned().flatten().collect();
+                let own = bins.members(cell);
+                prop_assert!(own.clone().all(|m| around.iter().any(|r| r.contains(&m))));
+                let from_here: Vec<usize> = around.iter().cloned().flatten().filter(|m| *m >= own.end).collect();
+                prop_assert_eq!(later, from_here);
                 for a in bins.members(cell) {
                     let own = a + 1..bins.members(cell).end;
                     for b in own.chain(ranges.iter().cloned().flatten()) {

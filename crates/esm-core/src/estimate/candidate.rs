@@ -2,6 +2,9 @@
 
 use super::rigid::Pair;
 
+/// Every turn about the up axis ([`Candidate::turns`]).
+pub const ANY_TURN: u64 = u64::MAX;
+
 /// One candidate match.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
@@ -15,6 +18,10 @@ pub struct Candidate {
     pub quality: f32,
     /// The two centroids.
     pub pair: Pair,
+    /// The turns about the up axis, from the live frame to the map's, on which the two segments have the same extents: one
+    /// bit for each of 64, the first one looking back; [`ANY_TURN`] where they were not compared
+    /// ([`compare_extents`](super::compare_extents)). Of no effect where gravity is unknown.
+    pub turns: u64,
 }
 
 /// Best first: by quality, ties by descriptor distance, then by index, so that the order is unique.

@@ -48,6 +48,10 @@ pub struct PoseConfig {
     pub gravity: bool,
     /// Largest tilt of the live z axis against the map's, degrees (with `gravity`).
     pub max_tilt_deg: f64,
+    /// How much of its extents along the map's axes, length, width and height, a segment may have lost or gained against
+    /// the one it is matched with, once it is turned: a share of the larger extent, besides `resolution_m`. Turns on which
+    /// they differ by more are ruled out for the match; 1 compares nothing. (With `gravity`.)
+    pub max_extent_change: f64,
     /// Matches that a place must have to be considered at all.
     pub min_inliers: usize,
     /// Distinct places that are passed on to verification.
@@ -75,6 +79,7 @@ impl Default for PoseConfig {
             inlier_m: 0.8,
             gravity: true,
             max_tilt_deg: 6.0,
+            max_extent_change: 1.0,
             min_inliers: 4,
             hypotheses: 4,
             prune: true,
@@ -100,6 +105,12 @@ impl PoseConfig {
             "pose.max_tilt_deg",
             self.max_tilt_deg,
             "0 to 45 deg",
+        )?;
+        require(
+            (0.0..=1.0).contains(&self.max_extent_change),
+            "pose.max_extent_change",
+            self.max_extent_change,
+            "0 to 1",
         )?;
         require(self.min_inliers >= 3, "pose.min_inliers", self.min_inliers, "3 or more")?;
         require((1..=64).contains(&self.hypotheses), "pose.hypotheses", self.hypotheses, "1 to 64")?;

@@ -87,7 +87,7 @@ mod tests {
 
     fn candidate(live: u32, map: u32, at: [f32; 3], off: f32) -> Candidate {
         let pair = Pair { live: at, map: [at[0] + 10.0 + off, at[1], at[2]] };
-        Candidate { live, map, distance: 0.0, quality: 1.0, pair }
+        Candidate { live, map, distance: 0.0, quality: 1.0, pair, turns: u64::MAX }
     }
 
     #[test]

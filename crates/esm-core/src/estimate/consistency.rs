@@ -5,8 +5,8 @@
 
 use super::agreement::{Agreement, Turns, difference};
 use super::bins::Bins;
-use super::candidate::Candidate;
-use super::pairs::agreeing_pairs;
+use super::candidate::{ANY_TURN, Candidate};
+use super::pairs::{Tests, agreeing_pairs};
 
 /// The graph of consistent matches: vertices are candidates, edges join those that can be true together.
 ///
@@ -21,6 +21,8 @@ pub struct ConsistencyGraph {
     offsets: Vec<u32>,
     neighbours: Vec<u32>,
     turns: Vec<Turns>,
+    /// The turns that each vertex allows by itself: those of its candidate.
+    alone: Vec<u64>,
     pair_tests: u64,
 }
 
@@ -30,11 +32,25 @@ impl ConsistencyGraph {
         let reach = reaches(candidates);
         let farthest = reach.iter().copied().fold(0.0, f32::max);
         let bins = Bins::new(candidates, farthest + agreement.resolution_m);
-        let (found, tests) = agreeing_pairs(candidates, &bins, &reach, agreement);
+        let keep = |a: &Candidate, b: &Candidate| {
+            a.live != b.live && a.map != b.map && agreement.extents_allow(a, b)
+        };
+        let (found, tests) =
+            agreeing_pairs(Tests { candidates, bins: &bins, reach: &reach, agreement, fresh: None, keep });
+        Self::from_pairs(candidates, bins, &found, agreement, tests)
+    }
+
+    /// From the pairs that agree: members of the bins, sorted, the lower first.
+    pub(super) fn from_pairs(
+        candidates: &[Candidate],
+        bins: Bins,
+        pairs: &[(u32, u32)],
+        agreement: Agreement,
+        pair_tests: u64,
+    ) -> Self {
         let turns = |a: u32, b: u32| agreement.turns(&candidates[a as usize], &candidates[b as usize]);
-        let mut graph = Self::from_sorted_edges(bins.order, bins.live, &found, turns);
-        graph.pair_tests = tests;
-        graph
+        let alone = bins.order.iter().map(|c| agreement.alone(&candidates[*c as usize])).collect();
+        Self { alone, pair_tests, ..Self::from_sorted_edges(bins.order, bins.live, pairs, turns) }
     }
 
     /// From undirected edges between vertices, each given once with the lower vertex first; sorted by it, and so that
@@ -69,7 +85,8 @@ impl ConsistencyGraph {
         for (v, c) in candidates.iter().enumerate() {
             vertices[*c as usize] = v as u32;
         }
-        Self { candidates, vertices, live, offsets, neighbours, turns, pair_tests: 0 }
+        let alone = vec![ANY_TURN; count];
+        Self { candidates, vertices, live, offsets, neighbours, turns, alone, pair_tests: 0 }
     }
 
     /// Vertices of distinct live segments, numbered as the candidates, that any turn explains.
@@ -78,6 +95,12 @@ impl ConsistencyGraph {
         let mut sorted: Vec<(u32, u32)> = edges.iter().map(|&(a, b)| (a.min(b), a.max(b))).collect();
         sorted.sort_unstable();
         Self::from_sorted_edges((0..count).collect(), (0..count).collect(), &sorted, |_, _| Turns::ALL)
+    }
+
+    /// Whether two graphs are the same, however many pairs were tested for them.
+    pub fn same_as(&self, other: &Self) -> bool {
+        let all = |g: &Self| Self { pair_tests: 0, ..g.clone() };
+        all(self) == all(other)
     }
 
     /// Number of candidates.
@@ -121,6 +144,11 @@ impl ConsistencyGraph {
         self.live[v as usize]
     }
 
+    /// The turns that each vertex allows by itself.
+    pub(super) fn alone(&self) -> &[u64] {
+        &self.alone
+    }
+
     /// Vertices consistent with a vertex, ascending: those of one live segment and cell lie together.
     pub(super) fn neighbours(&self, v: u32) -> &[u32] {
         &self.neighbours[self.offsets[v as usize] as usize..self.offsets[v as usize + 1] as usize]
@@ -134,7 +162,7 @@ impl ConsistencyGraph {
 }
 
 /// How far from each live segment another one lies at most, metres; 0 for those without a candidate.
-fn reaches(candidates: &[Candidate]) -> Vec<f32> {
+pub(super) fn reaches(candidates: &[Candidate]) -> Vec<f32> {
     let count = candidates.iter().map(|c| c.live as usize + 1).max().unwrap_or(0);
     let mut at = vec![[f32::NAN; 3]; count];
     for c in candidates {
@@ -156,13 +184,16 @@ mod tests {
     use crate::estimate::rigid::Pair;
 
     fn candidates() -> impl Strategy<Value = Vec<Candidate>> {
-        let one = (0u32..12, 0u32..40, prop::array::uniform3(-120.0f32..120.0));
+        // Some allow few turns, most allow any.
+        let turns =
+            prop_oneof![Just(ANY_TURN), Just(ANY_TURN), (0u32..64).prop_map(|b| 0xffff_u64.rotate_left(b))];
+        let one = (0u32..12, 0u32..40, prop::array::uniform3(-120.0f32..120.0), turns);
         prop::collection::vec(one, 1..120).prop_map(|all| {
             all.into_iter()
-                .map(|(live, map, at)| {
+                .map(|(live, map, at, turns)| {
                     let l = live as f32;
                     let pair = Pair { live: [l * 3.0, (l * 7.0) % 11.0, (l * 5.0) % 3.0], map: at };
-                    Candidate { live, map, distance: 0.0, quality: 1.0, pair }
+                    Candidate { live, map, distance: 0.0, quality: 1.0, pair, turns }
                 })
                 .collect()
         })
@@ -206,7 +237,8 @@ mod tests {
             let at = [random(80.0), random(80.0), random(3.0)];
             for k in 0..25 {
                 let pair = Pair { live: at, map: [random(side), random(side), random(3.0)] };
-                all.push(Candidate { live, map: live * 25 + k, distance: 0.0, quality: 1.0, pair });
+                let map = live * 25 + k;
+                all.push(Candidate { live, map, distance: 0.0, quality: 1.0, pair, turns: ANY_TURN });
             }
         }
         all

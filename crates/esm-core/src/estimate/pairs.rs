@@ -11,44 +11,56 @@ use super::candidate::Candidate;
 /// Members tested at a time: a few instructions on the widest vectors the processor has.
 const LANES: usize = 16;
 
-/// Pairs of members that agree, the lower first, and how many were tested. Pairs ascend by their lower member, and for
-/// each higher one by the lower.
-pub(super) fn agreeing_pairs(
-    candidates: &[Candidate],
-    bins: &Bins,
-    reach: &[f32],
-    agreement: Agreement,
-) -> (Vec<(u32, u32)>, u64) {
-    Arch::new().dispatch(Tests { candidates, bins, reach, agreement })
-}
-
-struct Tests<'a> {
-    candidates: &'a [Candidate],
-    bins: &'a Bins,
+/// Which pairs of candidates are tested.
+pub(super) struct Tests<'a, K> {
+    pub(super) candidates: &'a [Candidate],
+    pub(super) bins: &'a Bins,
     /// Of each live segment: how far from it another one lies at most, metres.
-    reach: &'a [f32],
-    agreement: Agreement,
+    pub(super) reach: &'a [f32],
+    pub(super) agreement: Agreement,
+    /// Only pairs with one of these candidates; all without.
+    pub(super) fresh: Option<&'a [bool]>,
+    /// Asked for those whose places agree.
+    pub(super) keep: K,
 }
 
-impl WithSimd for Tests<'_> {
+/// Pairs of members whose places agree and that are kept, and how many were tested. All of them: the lower first, ascending
+/// by it, and for each higher one by the lower. Those with a fresh one: the fresh one first, of two the lower.
+pub(super) fn agreeing_pairs<K: Fn(&Candidate, &Candidate) -> bool>(
+    tests: Tests<'_, K>,
+) -> (Vec<(u32, u32)>, u64) {
+    Arch::new().dispatch(tests)
+}
+
+impl<K: Fn(&Candidate, &Candidate) -> bool> WithSimd for Tests<'_, K> {
     type Output = (Vec<(u32, u32)>, u64);
 
     // No vector type is named: inlined here, the loops are compiled for the instructions at hand. None of them fuses or
     // reorders, so that the bits are the same on all.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        let Self { candidates, bins, reach, agreement } = self;
+        let Self { candidates, bins, reach, agreement, fresh, keep } = self;
         let lanes = Lanes::of(candidates, bins);
         let (mut found, mut tests) = (Vec::new(), 0);
-        let (mut later, mut ranges) = (Vec::new(), Vec::new());
+        let (mut near, mut ranges) = (Vec::new(), Vec::new());
+        let is_fresh = |member: usize| fresh.is_none_or(|f| f[bins.order[member] as usize]);
         for cell in 0..bins.cells() {
             let members = bins.members(cell);
-            let farthest = farthest(&bins.live[members.clone()], reach);
-            bins.later(cell, farthest + agreement.resolution_m, &mut later);
-            for a in members.clone() {
+            if !members.clone().any(is_fresh) {
+                continue;
+            }
+            let farthest = farthest(&bins.live[members.clone()], reach) + agreement.resolution_m;
+            if fresh.is_some() {
+                bins.around(cell, farthest, &mut near);
+            } else {
+                bins.later(cell, farthest, &mut near);
+            }
+            for a in members.clone().filter(|a| is_fresh(*a)) {
                 ranges.clear();
-                ranges.push(a + 1..members.end);
-                ranges.extend_from_slice(&later);
+                if fresh.is_none() {
+                    ranges.push(a + 1..members.end);
+                }
+                ranges.extend_from_slice(&near);
                 let one = &candidates[bins.order[a] as usize];
                 for range in &ranges {
                     tests += range.len() as u64;
@@ -58,8 +70,9 @@ impl WithSimd for Tests<'_> {
                         while hits != 0 {
                             let b = first + hits.trailing_zeros() as usize;
                             hits &= hits - 1;
-                            let other = &candidates[bins.order[b] as usize];
-                            if other.live != one.live && other.map != one.map {
+                            // Of two fresh ones the lower has had its turn.
+                            let again = fresh.is_some() && b <= a && is_fresh(b);
+                            if !again && keep(one, &candidates[bins.order[b] as usize]) {
                                 found.push((a as u32, b as u32));
                             }
                         }

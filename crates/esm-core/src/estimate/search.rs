@@ -27,14 +27,15 @@ pub struct Found {
 /// ([`sort_by_quality`](super::sort_by_quality)).
 ///
 /// ```
-/// use esm_core::estimate::{Candidate, Pair, PoseConfig, search};
+/// use esm_core::estimate::{ANY_TURN, Candidate, Pair, PoseConfig, search};
 /// // Five segments, each with the right match 10 m east of it and a wrong one.
 /// let live = [[0.0, 0.0, 0.0], [9.0, 1.0, 0.5], [-4.0, 12.0, 1.0], [7.0, -8.0, 0.0], [-11.0, -3.0, 2.0]];
 /// let candidates: Vec<Candidate> = (0..10)
 ///     .map(|i| {
 ///         let at: [f32; 3] = live[i % 5];
 ///         let map = if i < 5 { [at[0] + 10.0, at[1], at[2]] } else { [i as f32 * 31.0, at[1] * 7.0, at[2]] };
-///         Candidate { live: i as u32 % 5, map: i as u32, distance: 0.0, quality: 1.0, pair: Pair { live: at, map } }
+///         let pair = Pair { live: at, map };
+///         Candidate { live: i as u32 % 5, map: i as u32, distance: 0.0, quality: 1.0, pair, turns: ANY_TURN }
 ///     })
 ///     .collect();
 /// let found = search(&candidates, &PoseConfig::default(), 0);
@@ -219,6 +220,7 @@ mod tests {
                     distance: k as f32,
                     quality: 1.0,
                     pair,
+                    turns: u64::MAX,
                 });
             }
         }

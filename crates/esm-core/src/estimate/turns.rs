@@ -71,9 +71,9 @@ pub(super) fn cores(graph: &ConsistencyGraph, size: usize) -> Vec<u64> {
     pruned(graph, size, ROUNDS)
 }
 
-/// The same without looking: any vertex on any turn.
+/// The same without looking: any vertex on any turn that it allows by itself.
 pub(super) fn anywhere(graph: &ConsistencyGraph) -> Vec<u64> {
-    vec![u64::MAX; graph.len()]
+    graph.alone().to_vec()
 }
 
 /// Rounds of pruning: more find little that the search does not find at once.
