@@ -2,12 +2,13 @@
 //! Markdown table.
 //!
 //! `pose_ablation MAP.esm LIVE.mcap TRUTH.tum [--accumulate D] [--swathes] [--every N] [--min-quality P]
-//! [--max-distance D] [--max-false-positive-rate R] [--only WAY] [--tune FILE | --frozen FILE]`
+//! [--max-distance D] [--max-false-positive-rate R] [--max-extent-change S] [--only WAY] [--tune FILE | --frozen FILE]`
 //!
 //! Clouds stand for themselves. Without verification the best place is believed when it has enough matches, as the paper's
 //! pipeline does: `--tune` finds, for every way, the fewest with which nothing false is accepted, and notes them in FILE (the
 //! largest of all runs that note there); `--frozen` takes them from there. With `--min-quality` every way runs
-//! once more on the candidates that are left by it, with `--max-distance` or `--max-false-positive-rate` likewise.
+//! once more on the candidates that are left by it, with `--max-distance` or `--max-false-positive-rate` and `--max-extent-change`
+//! likewise.
 
 mod recording;
 mod remembered;
@@ -31,6 +32,7 @@ struct Args {
     config: Config,
     every: usize,
     pruned: MatchConfig,
+    max_extent_change: f64,
     only: String,
     tune: Option<PathBuf>,
     frozen: Option<PathBuf>,
@@ -42,6 +44,7 @@ fn args() -> Result<Args, Box<dyn std::error::Error>> {
         config: Config::default(),
         every: 1,
         pruned: MatchConfig::default(),
+        max_extent_change: 1.0,
         only: String::new(),
         tune: None,
         frozen: None,
@@ -56,6 +59,7 @@ fn args() -> Result<Args, Box<dyn std::error::Error>> {
             "--min-quality" => args.pruned.min_quality = value()?.parse()?,
             "--max-distance" => args.pruned.max_distance = value()?.parse()?,
             "--max-false-positive-rate" => args.pruned.max_false_positive_rate = value()?.parse()?,
+            "--max-extent-change" => args.max_extent_change = value()?.parse()?,
             "--only" => args.only = value()?,
             "--tune" => args.tune = Some(value()?.into()),
             "--frozen" => args.frozen = Some(value()?.into()),
@@ -84,6 +88,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         if pruned != MatchConfig::default() {
             candidates.push((name, Config { matching: pruned.of(&*descriptor)?, ..args.config.clone() }));
         }
+    }
+    if args.max_extent_change < 1.0 {
+        let mut config = args.config.clone();
+        config.pose.max_extent_change = args.max_extent_change;
+        candidates.push(("of like extents", config));
     }
     let mut frozen = Frozen::read(args.frozen.as_deref().or(args.tune.as_deref()))?;
     let mut rows = Vec::new();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use esm_core::describe::Descriptor;
-use esm_core::estimate::{Method, Order, PoseConfig, search};
+use esm_core::estimate::{Method, Order, PoseConfig, compare_extents, search};
 use esm_core::index::Index;
 use esm_core::segment::segment;
 use esm_core::{Config, Error, Localizer, Map, Pose, Verdict, matching};
@@ -48,6 +48,9 @@ pub(crate) struct Outcome {
     /// Samples drawn or branches visited for the first place.
     pub(crate) effort: usize,
     pub(crate) pair_tests: u64,
+    /// Pairs that agree, and matches that may belong to a place.
+    pub(crate) edges: usize,
+    pub(crate) kept: usize,
     pub(crate) ms: f64,
 }
 
@@ -79,8 +82,9 @@ pub(crate) fn run(
         if let Some(standardizer) = map.standardizer() {
             standardizer.apply(&mut described.values);
         }
-        let matches = matching::candidates(&segments, &described, map, &index, &config.matching);
+        let mut matches = matching::candidates(&segments, &described, map, &index, &config.matching);
         let start = Instant::now();
+        compare_extents(&mut matches, &segments, |m| map.segments()[m as usize].extent, &config.pose);
         let found = search(&matches, &config.pose, config.seed);
         let ms = start.elapsed().as_secs_f64() * 1e3;
         let right: Vec<bool> = found
@@ -99,6 +103,8 @@ pub(crate) fn run(
             verified_right: answer.pose_map_sensor.is_some_and(|p| cloud.is_right(&p)),
             effort: found.stats.first_samples + found.stats.first_branches,
             pair_tests: found.stats.pair_tests,
+            edges: found.stats.edges,
+            kept: found.stats.kept,
             ms,
         });
     }

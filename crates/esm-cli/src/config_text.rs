@@ -127,6 +127,11 @@ const MEANINGS: &[(&str, &str)] = &[
         "Whether the sensor's z axis points up but for max_tilt_deg: two matches then fix a pose, instead of three.",
     ),
     ("pose.max_tilt_deg", "Largest tilt of the sensor's z axis against the map's, degrees. (with gravity)"),
+    (
+        "pose.max_extent_change",
+        "How much of its length, width or height a segment may have lost or gained against the one it is matched with, turned \
+         as the two lie: a share of the larger, 0 to 1, besides resolution_m; 1 compares nothing. (with gravity)",
+    ),
     ("pose.min_inliers", "Matches a place must have to be considered at all."),
     ("pose.hypotheses", "Places that are passed on to verification."),
     (

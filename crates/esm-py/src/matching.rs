@@ -217,7 +217,9 @@ pub(crate) fn candidates(
     }
     let (index, config) = (Arc::clone(&index.inner), or_default(config));
     let inner = run(py, Threads::new(threads)?, move || {
-        let found = matching::candidates(segments.as_slice(), &described, &map, &index, &config.matching);
+        let segments = segments.as_slice();
+        let mut found = matching::candidates(segments, &described, &map, &index, &config.matching);
+        estimate::compare_extents(&mut found, segments, |m| map.segments()[m as usize].extent, &config.pose);
         Ok::<_, Failure>(found)
     })?;
     Ok(Candidates { inner: Arc::new(inner), kept: Default::default() })
