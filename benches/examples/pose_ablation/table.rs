@@ -51,8 +51,8 @@ pub(crate) fn markdown(rows: &[Row], clouds: &[Recorded], frozen: &Frozen) -> St
     let mut text = format!(
         "{} clouds, {localizable} localizable\n\n\
          | candidates | way | right place first | among all places | matches wanted | right without verification | false \
-         | right with verification | ambiguous | false | samples or branches, median | 90 % | pair tests, median | pairs that agree | matches left | ms, median | 90 % |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+         | right with verification | ambiguous | false | samples or branches, median | 90 % | matches | pair tests, median | pairs that agree | matches left | ms, median | 90 % |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
         clouds.len()
     );
     for row in rows {
@@ -80,6 +80,7 @@ pub(crate) fn markdown(rows: &[Row], clouds: &[Recorded], frozen: &Frozen) -> St
         };
         line.push(format!("{:.0}", quantile(&|o| o.effort as f64, 0.5)));
         line.push(format!("{:.0}", quantile(&|o| o.effort as f64, 0.9)));
+        line.push(format!("{:.0}", quantile(&|o| o.matches as f64, 0.5)));
         line.push(format!("{:.0}", quantile(&|o| o.pair_tests as f64, 0.5)));
         line.push(format!("{:.0}", quantile(&|o| o.edges as f64, 0.5)));
         line.push(format!("{:.0}", quantile(&|o| o.kept as f64, 0.5)));

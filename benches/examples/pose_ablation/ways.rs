@@ -47,6 +47,7 @@ pub(crate) struct Outcome {
     pub(crate) verified_right: bool,
     /// Samples drawn or branches visited for the first place.
     pub(crate) effort: usize,
+    pub(crate) matches: usize,
     pub(crate) pair_tests: u64,
     /// Pairs that agree, and matches that may belong to a place.
     pub(crate) edges: usize,
@@ -102,6 +103,7 @@ pub(crate) fn run(
             verdict: answer.verdict,
             verified_right: answer.pose_map_sensor.is_some_and(|p| cloud.is_right(&p)),
             effort: found.stats.first_samples + found.stats.first_branches,
+            matches: matches.len(),
             pair_tests: found.stats.pair_tests,
             edges: found.stats.edges,
             kept: found.stats.kept,

@@ -27,12 +27,18 @@ pub(super) struct Bins {
 impl Bins {
     /// `reach`: the largest distance of two candidates in the map that can agree, metres.
     pub(super) fn new(candidates: &[Candidate], reach: f32) -> Self {
+        Self::of(candidates, reach, |_| true)
+    }
+
+    /// Of some of the candidates alone.
+    pub(super) fn of(candidates: &[Candidate], reach: f32, wanted: impl Fn(usize) -> bool) -> Self {
         let edge = (reach / CELLS_TO_REACH).max(1.0);
         // Bounded, so that cells next to it can be counted whatever the map says.
         let number = |v: f32| (f64::from(v) / f64::from(edge)).floor().clamp(-1e12, 1e12) as i64;
         let mut keyed: Vec<((i64, i64), u32, u32)> = candidates
             .iter()
             .enumerate()
+            .filter(|(i, _)| wanted(*i))
             .map(|(i, c)| ((number(c.pair.map[0]), number(c.pair.map[1])), c.live, i as u32))
             .collect();
         keyed.sort_unstable();
@@ -74,19 +80,20 @@ impl Bins {
         let (x, y) = self.cells[cell];
         let own = self.columns.partition_point(|c| c.0 <= x);
         self.add(cell + 1..self.columns[own].1, y + 1, y + self.along(reach, 0), ranges);
-        self.add_columns(own, cell, reach, ranges);
+        self.add_columns(own, (x, y), reach, ranges);
     }
 
-    /// For what lies in `cell`: all members within `reach` metres, those of the cell itself included, in ascending ranges.
-    pub(super) fn around(&self, cell: usize, reach: f32, ranges: &mut Vec<Range<usize>>) {
+    /// For what lies in a cell of `others`, bins of the same reach: all members here within `reach` metres, in ascending
+    /// ranges.
+    pub(super) fn around(&self, others: &Self, cell: usize, reach: f32, ranges: &mut Vec<Range<usize>>) {
         ranges.clear();
-        let farthest = self.cells[cell].0 - self.along(reach, 0);
-        self.add_columns(self.columns.partition_point(|c| c.0 < farthest), cell, reach, ranges);
+        let at = others.cells[cell];
+        let farthest = at.0 - self.along(reach, 0);
+        self.add_columns(self.columns.partition_point(|c| c.0 < farthest), at, reach, ranges);
     }
 
     /// Adds what lies within reach of a cell in the columns from the `first` on.
-    fn add_columns(&self, first: usize, cell: usize, reach: f32, ranges: &mut Vec<Range<usize>>) {
-        let (x, y) = self.cells[cell];
+    fn add_columns(&self, first: usize, (x, y): (i64, i64), reach: f32, ranges: &mut Vec<Range<usize>>) {
         for pair in self.columns[first..].windows(2) {
             let aside = (pair[0].0 - x).abs();
             if aside > self.along(reach, 0) {
@@ -143,7 +150,7 @@ mod tests {
                 bins.later(cell, reach, &mut ranges);
                 prop_assert!(ranges.windows(2).all(|r| r[0].end <= r[1].start));
                 let mut around = Vec::new();
-                bins.around(cell, reach, &mut around);
+                bins.around(&bins, cell, reach, &mut around);
                 prop_assert!(around.windows(2).all(|r| r[0].end <= r[1].start));
                 let later: Vec<usize> = ranges.iter().cloned().flatten().collect();
                 let own = bins.members(cell);

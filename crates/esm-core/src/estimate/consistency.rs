@@ -36,7 +36,7 @@ impl ConsistencyGraph {
             a.live != b.live && a.map != b.map && agreement.extents_allow(a, b)
         };
         let (found, tests) =
-            agreeing_pairs(Tests { candidates, bins: &bins, reach: &reach, agreement, fresh: None, keep });
+            agreeing_pairs(Tests { candidates, bins: &bins, among: None, reach: &reach, agreement, keep });
         Self::from_pairs(candidates, bins, &found, agreement, tests)
     }
 

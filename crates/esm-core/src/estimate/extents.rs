@@ -31,7 +31,9 @@ impl Widths {
         for p in points {
             for (k, d) in directions.iter().enumerate() {
                 let along = p[0] * d[0] + p[1] * d[1];
-                (low[k], high[k]) = (low[k].min(along), high[k].max(along));
+                // Written out: the library's minimum takes care of NaN, and costs several instructions for it.
+                low[k] = if along < low[k] { along } else { low[k] };
+                high[k] = if along > high[k] { along } else { high[k] };
             }
             (lowest, highest) = (lowest.min(p[2]), highest.max(p[2]));
         }
@@ -66,10 +68,10 @@ impl Widths {
     }
 }
 
-/// Notes in every candidate on which turns its two segments have the same extents, by `config.max_extent_change`; leaves them
-/// where that compares nothing. `extent_map`: the extents of a map segment along the map's axes, metres.
+/// Notes in every candidate on which turns its two segments have the same extents, by `config.max_extent_change`, and drops
+/// those that have them on none; leaves all where that compares nothing. `extent_map`: the extents of a map segment along the map's axes, metres.
 pub fn compare_extents(
-    candidates: &mut [Candidate],
+    candidates: &mut Vec<Candidate>,
     live: &[Segment],
     extent_map: impl Fn(u32) -> [f32; 3],
     config: &PoseConfig,
@@ -79,10 +81,11 @@ pub fn compare_extents(
     }
     let (resolution_m, share) = (config.resolution_m as f32, config.max_extent_change as f32);
     let widths: Vec<Widths> = live.iter().map(|s| Widths::of(&s.points)).collect();
-    for c in candidates {
-        c.turns =
-            widths.get(c.live as usize).map_or(ANY_TURN, |w| w.turns(extent_map(c.map), resolution_m, share));
-    }
+    candidates.retain_mut(|c| {
+        let widths = widths.get(c.live as usize);
+        c.turns = widths.map_or(ANY_TURN, |w| w.turns(extent_map(c.map), resolution_m, share));
+        c.turns != 0
+    });
 }
 
 #[cfg(test)]

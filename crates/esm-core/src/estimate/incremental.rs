@@ -13,7 +13,7 @@ use super::pairs::{Tests, agreeing_pairs};
 use super::search::{Found, search, search_in};
 
 /// A segment that moved farther than this is as good as new, metres.
-const MOST_MOVED_M: f32 = 0.25;
+const MOST_MOVED_M: f32 = 0.1;
 /// What rounding can do to a length, metres, and a metre of length.
 const ROUNDING: (f32, f32) = (1e-3, 1e-5);
 
@@ -135,7 +135,7 @@ impl IncrementalRecognizer {
         let fresh: Vec<bool> = from.iter().map(|f| *f == GONE).collect();
         self.reuse.fresh = fresh.iter().filter(|f| **f).count();
         self.reuse.kept = fresh.len() - self.reuse.fresh;
-        self.gather(candidates, &bins, &reach, &fresh, agreement);
+        self.gather(candidates, &reach, &fresh, agreement);
         self.reuse.pairs = self.near.len();
         self.connect(candidates, bins, agreement)
     }
@@ -194,14 +194,7 @@ impl IncrementalRecognizer {
     }
 
     /// Gathers the pairs with a fresh match that agree or may come to while neither end moves too far.
-    fn gather(
-        &mut self,
-        candidates: &[Candidate],
-        bins: &Bins,
-        reach: &[f32],
-        fresh: &[bool],
-        agreement: Agreement,
-    ) {
+    fn gather(&mut self, candidates: &[Candidate], reach: &[f32], fresh: &[bool], agreement: Agreement) {
         let anchored: Vec<Candidate> = candidates
             .iter()
             .zip(&self.known)
@@ -216,19 +209,24 @@ impl IncrementalRecognizer {
         let resolution_m = agreement.resolution_m + room * (1.0 + tilt) + rounding;
         let wide = Agreement { resolution_m, ..agreement };
         let keep = |a: &Candidate, b: &Candidate| a.map != b.map;
-        let (found, tests) = agreeing_pairs(Tests {
-            candidates: &anchored,
-            bins,
-            reach: &reach,
-            agreement: wide,
-            fresh: Some(fresh),
-            keep,
-        });
-        self.reuse.fresh_tests = tests;
-        self.near.extend(found.into_iter().map(|(a, b)| {
-            let [a, b] = [a, b].map(|member| bins.order[member as usize]);
-            Near { a, b, fits: agreement.fits(&candidates[a as usize], &candidates[b as usize]) }
-        }));
+        let edge = farthest + resolution_m;
+        let [new, old] = [true, false].map(|which| Bins::of(&anchored, edge, |i| fresh[i] == which));
+        for among in [None, Some(&old)] {
+            let (found, tests) = agreeing_pairs(Tests {
+                candidates: &anchored,
+                bins: &new,
+                among,
+                reach: &reach,
+                agreement: wide,
+                keep,
+            });
+            self.reuse.fresh_tests += tests;
+            let others = among.unwrap_or(&new);
+            self.near.extend(found.into_iter().map(|(a, b)| {
+                let (a, b) = (new.order[a as usize], others.order[b as usize]);
+                Near { a, b, fits: agreement.fits(&candidates[a as usize], &candidates[b as usize]) }
+            }));
+        }
     }
 
     /// The graph of the pairs that agree.

@@ -15,17 +15,17 @@ const LANES: usize = 16;
 pub(super) struct Tests<'a, K> {
     pub(super) candidates: &'a [Candidate],
     pub(super) bins: &'a Bins,
+    /// Bins of the same reach: each member of `bins` is tested with these; without, with the other members of `bins`.
+    pub(super) among: Option<&'a Bins>,
     /// Of each live segment: how far from it another one lies at most, metres.
     pub(super) reach: &'a [f32],
     pub(super) agreement: Agreement,
-    /// Only pairs with one of these candidates; all without.
-    pub(super) fresh: Option<&'a [bool]>,
     /// Asked for those whose places agree.
     pub(super) keep: K,
 }
 
-/// Pairs of members whose places agree and that are kept, and how many were tested. All of them: the lower first, ascending
-/// by it, and for each higher one by the lower. Those with a fresh one: the fresh one first, of two the lower.
+/// Pairs of members whose places agree and that are kept, and how many were tested. They ascend by their first member, and
+/// those of each second one by the first; of one set of bins the first is the lower.
 pub(super) fn agreeing_pairs<K: Fn(&Candidate, &Candidate) -> bool>(
     tests: Tests<'_, K>,
 ) -> (Vec<(u32, u32)>, u64) {
@@ -39,25 +39,21 @@ impl<K: Fn(&Candidate, &Candidate) -> bool> WithSimd for Tests<'_, K> {
     // reorders, so that the bits are the same on all.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        let Self { candidates, bins, reach, agreement, fresh, keep } = self;
-        let lanes = Lanes::of(candidates, bins);
+        let Self { candidates, bins, among, reach, agreement, keep } = self;
+        let others = among.unwrap_or(bins);
+        let lanes = Lanes::of(candidates, others);
         let (mut found, mut tests) = (Vec::new(), 0);
         let (mut near, mut ranges) = (Vec::new(), Vec::new());
-        let is_fresh = |member: usize| fresh.is_none_or(|f| f[bins.order[member] as usize]);
         for cell in 0..bins.cells() {
             let members = bins.members(cell);
-            if !members.clone().any(is_fresh) {
-                continue;
-            }
             let farthest = farthest(&bins.live[members.clone()], reach) + agreement.resolution_m;
-            if fresh.is_some() {
-                bins.around(cell, farthest, &mut near);
-            } else {
-                bins.later(cell, farthest, &mut near);
+            match among {
+                Some(others) => others.around(bins, cell, farthest, &mut near),
+                None => bins.later(cell, farthest, &mut near),
             }
-            for a in members.clone().filter(|a| is_fresh(*a)) {
+            for a in members.clone() {
                 ranges.clear();
-                if fresh.is_none() {
+                if among.is_none() {
                     ranges.push(a + 1..members.end);
                 }
                 ranges.extend_from_slice(&near);
@@ -70,9 +66,7 @@ impl<K: Fn(&Candidate, &Candidate) -> bool> WithSimd for Tests<'_, K> {
                         while hits != 0 {
                             let b = first + hits.trailing_zeros() as usize;
                             hits &= hits - 1;
-                            // Of two fresh ones the lower has had its turn.
-                            let again = fresh.is_some() && b <= a && is_fresh(b);
-                            if !again && keep(one, &candidates[bins.order[b] as usize]) {
+                            if keep(one, &candidates[others.order[b] as usize]) {
                                 found.push((a as u32, b as u32));
                             }
                         }
