@@ -16,9 +16,9 @@
   another one of its cloud (one cycle through all of them, by a seed); ground and segments stay as they are. All objects are
   there, their constellation is not.
 
-Everything is localized without a guess, each cloud by itself and, but for the shuffled ones, with odometry too; a located cloud
-is a false one. WORK takes simulations, maps and results; what is there already is not made again, so a run that was stopped
-goes on. The exit code is 1 where anything was located.
+Everything is localized without a guess, each cloud by itself and, but for the shuffled ones, with odometry too; a located
+cloud is a false one. WORK takes simulations, maps and results; what is there already is not made again, so a run that was
+stopped goes on. The exit code is 1 where anything was located.
 """
 
 from __future__ import annotations
@@ -104,14 +104,16 @@ def cases(work: Work) -> Iterator[Case]:
     """All but the shuffled ones."""
     kitti = work.kitti
     for metres in (20.0, 0.0):
-        name = f"KITTI 00, frames 1-360, {metres:.0f} m" if metres else "KITTI 00, frames 1-360, single sweeps"
+        what = f"{metres:.0f} m" if metres else "single sweeps"
+        name = f"KITTI 00, frames 1-360, {what}"
         yield Case("other parts of the drive", name, "kitti00-part", kitti / "map.mcap", metres, ELSEWHERE)
     for preset, (_, metres) in WORLDS.items():
         first, second = SEEDS
-        yield Case("real clouds in a simulated map", f"`{preset}` {first}", f"{preset}-{first}", kitti / "query.mcap", metres)
+        site, other = f"{preset}-{first}", f"`{preset}` {second}"
+        yield Case("real clouds in a simulated map", f"`{preset}` {first}", site, kitti / "query.mcap", metres)
         live = work.world(preset, second) / "live.mcap"
-        yield Case("simulated clouds in another seed's map", f"`{preset}` {second} in {first}", f"{preset}-{first}", live, metres)
-        yield Case("simulated clouds in a real map", f"`{preset}` {second} in KITTI 00", "kitti00", live, metres)
+        yield Case("simulated clouds in another seed's map", f"{other} in {first}", site, live, metres)
+        yield Case("simulated clouds in a real map", f"{other} in KITTI 00", "kitti00", live, metres)
 
 
 def localized(work: Work, case: Case, descriptor: str, single: bool) -> dict[str, int]:
@@ -177,7 +179,8 @@ def main() -> None:
         for kind, name, how, make in rows:
             label = "".join(c if c.isalnum() else "-" for c in f"{kind} {name} {descriptor} {how}").lower()
             count = work.remembered(label, make)
-            print(f"| {kind} | {name} | `{descriptor}` | {how} | {count['clouds']} | {count['located']} | {count['ambiguous']} |", flush=True)
+            cells = [kind, name, f"`{descriptor}`", how, *(str(count[key]) for key in ("clouds", "located", "ambiguous"))]
+            print(f"| {' | '.join(cells)} |", flush=True)
             located += count["located"]
             if how == "each by itself":
                 asked[descriptor] = asked.get(descriptor, 0) + count["clouds"]
