@@ -9,7 +9,7 @@ use std::sync::Arc;
 use esm_core::{Accumulator, Config, Localizer, MapBuilder, SequenceLocalizer, Verdict};
 use esm_examples::{Error, off, street};
 
-pub fn main() -> Result<(), Error> {
+pub(crate) fn main() -> Result<(), Error> {
     let street = street()?;
     let mut config = Config::default();
     config.accumulate.distance_m = 10.0;

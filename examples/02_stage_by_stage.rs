@@ -13,7 +13,7 @@ use esm_core::verify::{LivePoints, Surroundings, chance_false, verify};
 use esm_core::{Accumulator, Config, MapBuilder, Pose, describe, matching};
 use esm_examples::{Error, off, street};
 
-pub fn main() -> Result<(), Error> {
+pub(crate) fn main() -> Result<(), Error> {
     let street = street()?;
     let mut config = Config::default();
     config.accumulate.distance_m = 10.0;

@@ -68,7 +68,7 @@ fn believed(found: &Found) -> Option<&Hypothesis> {
     (support(best) >= 8 && support(best) >= 2 * rival).then_some(best)
 }
 
-pub fn main() -> Result<(), Error> {
+pub(crate) fn main() -> Result<(), Error> {
     let street = street()?;
     let mut config = Config::default();
     config.accumulate.distance_m = 10.0;
@@ -95,12 +95,12 @@ pub fn main() -> Result<(), Error> {
         }
         let mut candidates = matching::candidates(&segments, &described, &map, &index, &config.matching);
         let all = candidates.len();
-        // A poor GNSS, 15 m off, says where to look: within 80 m of that.
+        // A poor GNSS, 15 m off, says where to look: within 40 m of that.
         let gnss = sweep.pose_map_sensor.translation.vector;
         let (east, north) = (gnss.x + 15.0 - x, gnss.y - y);
         candidates.retain(|c| {
             let m = c.pair.map;
-            (f64::from(m[0]) - east).hypot(f64::from(m[1]) - north) < 80.0
+            (f64::from(m[0]) - east).hypot(f64::from(m[1]) - north) < 40.0
         });
         let found = search(&candidates, &config.pose, config.seed);
         asked += 1;

@@ -34,6 +34,7 @@ import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -147,7 +148,7 @@ class Answer:
 class Clock:
     """Wall and processor time of a call, milliseconds."""
 
-    def __enter__(self) -> Clock:
+    def __enter__(self) -> Self:
         self.began = time.perf_counter(), time.process_time()
         return self
 
@@ -307,9 +308,7 @@ def main() -> None:
         whole = travel[i] >= TRAVEL_SHARE * options.accumulate
         queries.append(Query(i, drive.stamps[i], true, bool(near and whole)))
 
-    print(
-        "| method | told | clouds | localizable | answers | right | false | median error | ms a cloud, median | of the processor |"
-    )
+    print("| method | told | clouds | localizable | answers | right | false | median error | ms, median | of the processor |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     wanted = options.only or ["kiss-matcher", "map-closures", "ours"]
     if "kiss-matcher" in wanted:
