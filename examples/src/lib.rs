@@ -52,11 +52,11 @@ pub fn off(found: &Pose, truth: &Pose) -> (f64, f64) {
 
 fn visit(dir: &Path, name: &str) -> Result<Vec<Sweep>, Error> {
     let mut truth = Track::new(usize::MAX);
-    for pose in read_tum(&dir.join(format!("{name}_truth.tum")))? {
+    for pose in read_tum(dir.join(format!("{name}_truth.tum")))? {
         truth.push(pose.stamp_ns, pose.pose);
     }
     let mut sweeps = Vec::new();
-    for sweep in Recording::open(&dir.join(format!("{name}.mcap")), &OpenOptions::default())?.sweeps()? {
+    for sweep in Recording::open(dir.join(format!("{name}.mcap")), &OpenOptions::default())?.sweeps()? {
         let sweep = sweep?;
         let Some(pose_map_sensor) = truth.at(sweep.stamp_ns) else { continue };
         let (stamp, cloud) = (sweep.stamp, sweep.cloud);
