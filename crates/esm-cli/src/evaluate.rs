@@ -1,8 +1,8 @@
 //! `esm-cli evaluate`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use esm_eval::{Evaluation, Event, Options, Outcome as Result_, Plan, Report, digest_of, evaluate};
+use esm_eval::{Evaluation, Event, Options, Outcome as Tried, Plan, Report, digest_of, evaluate};
 use indicatif::ProgressBar;
 
 use crate::args::EvaluateArgs;
@@ -147,10 +147,10 @@ fn figures(evaluation: &Evaluation, dir: &Path) -> anyhow::Result<Vec<(String, S
 }
 
 /// One trial a dataset and method: of the first site, in the first mode.
-fn pictured(evaluation: &Evaluation) -> Vec<&Result_> {
-    let mut pictured: Vec<&Result_> = Vec::new();
+fn pictured(evaluation: &Evaluation) -> Vec<&Tried> {
+    let mut pictured: Vec<&Tried> = Vec::new();
     for outcome in &evaluation.outcomes {
-        let known = |o: &&&Result_| o.dataset == outcome.dataset && o.method == outcome.method;
+        let known = |o: &&&Tried| o.dataset == outcome.dataset && o.method == outcome.method;
         if !pictured.iter().any(|o| known(&o)) && !outcome.trial.clouds.is_empty() {
             pictured.push(outcome);
         }
@@ -162,8 +162,8 @@ fn site(dataset: &str, seed: Option<u64>) -> String {
     seed.map_or_else(|| dataset.to_owned(), |seed| format!("{dataset} {seed}"))
 }
 
-/// Names of a plan hold spaces at worst.
+/// A name without what file systems and Markdown do not like in one.
 fn file_name(kind: &str, parts: &[&str]) -> String {
-    let path: PathBuf = format!("{kind}-{}.png", parts.join("-").replace(' ', "-")).into();
-    path.to_string_lossy().into_owned()
+    let plain = |c: char| if c.is_alphanumeric() || "._+-".contains(c) { c } else { '-' };
+    format!("{kind}-{}.png", parts.join("-").chars().map(plain).collect::<String>())
 }

@@ -90,8 +90,7 @@ pub(crate) fn build(
 ) -> Result<Map, Error> {
     let failed = || Error::core(words);
     let source = site.files.map.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let mut builder =
-        MapBuilder::with_descriptor(config, Arc::clone(&model.descriptor)).map_err(failed())?;
+    let mut builder = MapBuilder::with_descriptor(config, Arc::clone(&model.descriptor)).map_err(failed())?;
     builder.set_source(&source);
     if esm_io::classify(&site.files.map)? == InputKind::PriorCloud && site.files.map_poses.is_none() {
         teller.begins(format!("mapping {words}"), None)?;

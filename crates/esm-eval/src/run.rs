@@ -126,7 +126,8 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     /// Modes and methods that a dataset is tried in, in the order of the report.
     fn trials(&self, dataset: &Dataset) -> Vec<(&'a Mode, usize)> {
-        let all = self.plan.modes.iter().flat_map(|mode| (0..self.plan.methods.len()).map(move |i| (mode, i)));
+        let all =
+            self.plan.modes.iter().flat_map(|mode| (0..self.plan.methods.len()).map(move |i| (mode, i)));
         all.filter(|(mode, i)| mode.is_for(&dataset.name, &self.plan.methods[*i].name)).collect()
     }
 
@@ -191,8 +192,8 @@ impl<'a> Run<'a> {
                 false => Arc::clone(&built.map),
             };
             let words = format!("{words}, {}", mode.name);
-            let trial = one_thread()?
-                .install(|| trial::run(&map, site, (&config, mode, model), &words, teller))?;
+            let trial =
+                one_thread()?.install(|| trial::run(&map, site, (&config, mode, model), &words, teller))?;
             Ok(Trial { map_built_s: built.built_s, map_built_peak_mib: built.peak_mib, ..trial })
         })?;
         self.computed += usize::from(!was_there);

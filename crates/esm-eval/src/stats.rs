@@ -78,7 +78,9 @@ mod tests {
     #[test]
     fn wilson_is_the_published_one() {
         // Newcombe (1998), table I: 81 of 263, 0 of 20, 1 of 29.
-        for (hits, all, low, high) in [(81, 263, 0.2553, 0.3662), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)] {
+        for (hits, all, low, high) in
+            [(81, 263, 0.2553, 0.3662), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)]
+        {
             let share = Share::wilson(hits, all).unwrap();
             assert!((share.low - low).abs() < 5e-5 && (share.high - high).abs() < 5e-5, "{share:?}");
         }

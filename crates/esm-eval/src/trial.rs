@@ -244,7 +244,10 @@ fn thinned(sweep: &Sweep, mode: &Mode, site: &Site) -> Result<PointCloud, Error>
         return refuse("its clouds have no field `ring`, so no lasers can be left out".to_owned());
     }
     if sweep.rings.iter().all(|r| *r == sweep.rings[0]) && sweep.cloud.len() > 1 {
-        return refuse(format!("all points of cloud {} are of one laser: none can be left out", sweep.number));
+        return refuse(format!(
+            "all points of cloud {} are of one laser: none can be left out",
+            sweep.number
+        ));
     }
     let points = sweep.cloud.points().iter().zip(&sweep.rings);
     let kept = points.filter(|(_, ring)| usize::from(**ring) % mode.beams == 0).map(|(p, _)| *p).collect();

@@ -155,7 +155,9 @@ fn legend(clouds: &[Cloud], y: f64) -> Group {
     let recognised = format!("recognised ({}): from the first cloud", count(Some(true)));
     group = group.add(text(&recognised, [x, y]).set("font-size", fitting(&recognised, TEXT_PX)));
     x += text_width(&recognised, TEXT_PX) * 0.92;
-    group = group.add(bar.set("x", x).set("fill", "url(#time)")).add(text(format!("to {took} later"), [x + 212.0, y]));
+    group = group
+        .add(bar.set("x", x).set("fill", "url(#time)"))
+        .add(text(format!("to {took} later"), [x + 212.0, y]));
     x += 212.0 + text_width("to 000 min later", TEXT_PX);
     let missed = count(None);
     if missed > 0 {

@@ -29,7 +29,10 @@ struct Drawn<'a> {
 pub(super) fn svg(curves: &[(&str, &Roc)], caption: &Caption) -> Document {
     let panels = [
         ("against random negatives", panel(curves, |r| [&r.random, &r.random_best, &r.random_judged])),
-        ("against hard negatives (alike in size)", panel(curves, |r| [&r.hard, &r.hard_best, &r.hard_judged])),
+        (
+            "against hard negatives (alike in size)",
+            panel(curves, |r| [&r.hard, &r.hard_best, &r.hard_judged]),
+        ),
     ];
     let rows = panels.iter().map(|(_, drawn)| drawn.len()).max().unwrap_or(0);
     let bottom = MARGIN[1] + 30.0 + EDGE;

@@ -43,9 +43,11 @@ impl Reader<'_> {
         let hint = "paths start at the folder of the plan";
         match std::fs::metadata(&full) {
             Ok(meta) if meta.is_file() || meta.is_dir() => Ok(full),
-            Ok(_) => {
-                Err(self.at(path, format!("{of}: {} is neither a file nor a directory", full.display()), hint))
-            }
+            Ok(_) => Err(self.at(
+                path,
+                format!("{of}: {} is neither a file nor a directory", full.display()),
+                hint,
+            )),
             Err(e) => Err(self.at(path, format!("{of}: {}: {e}", full.display()), hint)),
         }
     }
@@ -55,13 +57,17 @@ impl Reader<'_> {
         let mut seen = BTreeSet::new();
         for name in names {
             let text = name.get_ref();
-            let plain = |c: char| c.is_alphanumeric() || " -_.+".contains(c);
+            let plain = |c: char| c.is_alphanumeric() || " -_.+'%".contains(c);
             if text.trim().is_empty() || text.chars().count() > LONGEST_NAME || !text.chars().all(plain) {
-                let hint = format!("take 1 to {LONGEST_NAME} letters, digits and any of - _ . +");
+                let hint = format!("take 1 to {LONGEST_NAME} letters, digits, spaces and any of - _ . + ' %");
                 return Err(self.at(name, format!("{kind} {text:?}: this cannot be a name"), hint));
             }
             if !seen.insert(text) {
-                return Err(self.at(name, format!("{kind} '{text}': there are two of this name"), "rename one"));
+                return Err(self.at(
+                    name,
+                    format!("{kind} '{text}': there are two of this name"),
+                    "rename one",
+                ));
             }
         }
         Ok(())
@@ -81,7 +87,9 @@ pub(super) fn checked(path: &Path, written: &PlanText) -> Result<Plan, Error> {
     reader.names("method", written.methods.iter().map(|m| &m.name))?;
     let modes = match written.modes.as_deref() {
         None => vec![Mode::default()],
-        Some([]) => return Err(reader.error(None, "there is no mode", "leave `modes` out for single clouds")),
+        Some([]) => {
+            return Err(reader.error(None, "there is no mode", "leave `modes` out for single clouds"));
+        }
         Some(modes) => {
             reader.names("mode", modes.iter().map(|m| &m.name))?;
             modes.iter().map(|m| mode(&reader, m, written)).collect::<Result<_, _>>()?
@@ -136,7 +144,9 @@ fn dataset(reader: &Reader<'_>, d: &DatasetText) -> Result<Dataset, Error> {
             }
             let needed = |path: &Option<Spanned<String>>, key: &str| match path {
                 Some(path) => reader.existing(&of(key), path),
-                None => Err(reader.at(&d.name, format!("dataset '{name}': `{key}` is missing"), "name the file")),
+                None => {
+                    Err(reader.at(&d.name, format!("dataset '{name}': `{key}` is missing"), "name the file"))
+                }
             };
             let optional = |path: &Option<Spanned<String>>, key: &str| {
                 path.as_ref().map(|p| reader.existing(&of(key), p)).transpose()
@@ -199,9 +209,8 @@ fn method(reader: &Reader<'_>, m: &MethodText) -> Result<Method, Error> {
             ),
             e => {
                 let text = e.to_string();
-                let (what, hint) = text
-                    .split_once("\nhint: ")
-                    .unwrap_or((&text, "paths start at the folder of the plan"));
+                let (what, hint) =
+                    text.split_once("\nhint: ").unwrap_or((&text, "paths start at the folder of the plan"));
                 (what.to_owned(), hint.to_owned())
             }
         };
@@ -218,7 +227,10 @@ fn mode(reader: &Reader<'_>, m: &ModeText, written: &PlanText) -> Result<Mode, E
         return refuse("`every` and `beams` count from 1".to_owned(), "1 takes all of them");
     }
     if !(0.0..1.0).contains(&m.map_deleted) {
-        return refuse(format!("map_deleted = {} is no share", m.map_deleted), "0.5 deletes half of the segments");
+        return refuse(
+            format!("map_deleted = {} is no share", m.map_deleted),
+            "0.5 deletes half of the segments",
+        );
     }
     Ok(Mode {
         name: m.name.get_ref().clone(),

@@ -199,8 +199,10 @@ impl Plan {
 
     /// The settings with which a map is built: the defaults, the plan's, the dataset's and the method's over each other.
     pub(crate) fn map_config(&self, dataset: &Dataset, method: &Method) -> Result<Config, Error> {
-        let mut config = settings::merged(&[&self.config, &dataset.config, &method.config])
-            .map_err(|what| self.refused(format!("method '{}' on '{}': {what}", method.name, dataset.name)))?;
+        let mut config =
+            settings::merged(&[&self.config, &dataset.config, &method.config]).map_err(|what| {
+                self.refused(format!("method '{}' on '{}': {what}", method.name, dataset.name))
+            })?;
         config.descriptor.clone_from(&method.descriptor);
         config.accumulate.distance_m = dataset.accumulate_m;
         config.accumulate.swathes = false;
@@ -211,7 +213,12 @@ impl Plan {
     }
 
     /// The settings with which live clouds are looked for.
-    pub(crate) fn live_config(&self, dataset: &Dataset, method: &Method, mode: &Mode) -> Result<Config, Error> {
+    pub(crate) fn live_config(
+        &self,
+        dataset: &Dataset,
+        method: &Method,
+        mode: &Mode,
+    ) -> Result<Config, Error> {
         let mut config = self.map_config(dataset, method)?;
         let metres = mode.accumulate_m.unwrap_or(dataset.accumulate_m);
         config.accumulate.distance_m = metres;

@@ -21,7 +21,8 @@ pub(super) fn merged(tables: &[&Table]) -> Result<Config, String> {
         }
         overlay(&mut all, table);
     }
-    all.try_into().map_err(|e: toml::de::Error| format!("config: {}", e.message().trim_end().replace('\n', " ")))
+    all.try_into()
+        .map_err(|e: toml::de::Error| format!("config: {}", e.message().trim_end().replace('\n', " ")))
 }
 
 fn holds(table: &Table, key: &[&str]) -> bool {

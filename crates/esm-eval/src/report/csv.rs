@@ -26,11 +26,12 @@ fn counts(c: &Counts, recall: Option<Share>) -> Vec<String> {
 }
 
 pub(super) fn text(report: &Report<'_>) -> String {
-    let mut head: Vec<String> = "dataset,seed,mode,method,clouds,localizable,localizable_too_short,located,ambiguous,\
+    let mut head: Vec<String> =
+        "dataset,seed,mode,method,clouds,localizable,localizable_too_short,located,ambiguous,\
          found,correct,false,outside_truth,recall,recall_low,recall_high,median_error_m,median_error_deg"
-        .split(',')
-        .map(str::to_owned)
-        .collect();
+            .split(',')
+            .map(str::to_owned)
+            .collect();
     head.extend(STAGES.map(|s| format!("{s}_p50_ms")));
     head.extend(["segments_p50", "peak_mib", "map_segments", "map_bytes", "model_bytes"].map(str::to_owned));
     let mut lines = vec![head.join(",")];

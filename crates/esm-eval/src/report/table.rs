@@ -70,8 +70,18 @@ pub(super) fn text(report: &Report<'_>) -> String {
     let mut text = aligned(&rows, 3);
     if !report.of.rocs.is_empty() {
         let mut rows = vec![row([
-            "dataset", "seed", "method", "judged", "recall@1", "recall@25", "AUC", "by quality", "hard", "by quality",
-            "judged", "hard",
+            "dataset",
+            "seed",
+            "method",
+            "judged",
+            "recall@1",
+            "recall@25",
+            "AUC",
+            "by quality",
+            "hard",
+            "by quality",
+            "judged",
+            "hard",
         ])];
         for o in &report.of.rocs {
             let r = &o.roc;

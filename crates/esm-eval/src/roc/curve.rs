@@ -85,7 +85,13 @@ mod tests {
         let mut chance = 0.0;
         for p in positive {
             for n in negative {
-                chance += if p > n { 1.0 } else if p == n { 0.5 } else { 0.0 };
+                chance += if p > n {
+                    1.0
+                } else if p == n {
+                    0.5
+                } else {
+                    0.0
+                };
             }
         }
         let curve = Curve::of(&positive, &negative).unwrap();

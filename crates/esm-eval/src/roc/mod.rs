@@ -97,7 +97,12 @@ impl Ground {
     }
 
     /// Judges one descriptor.
-    pub(crate) fn judge(&self, model: &Model, words: &str, teller: &mut Teller<'_, '_>) -> Result<Roc, Error> {
+    pub(crate) fn judge(
+        &self,
+        model: &Model,
+        words: &str,
+        teller: &mut Teller<'_, '_>,
+    ) -> Result<Roc, Error> {
         let [map, live] = &self.views;
         let steps = (map.segments.len() + live.segments.len()).div_ceil(BATCH);
         teller.begins(format!("describing {words}"), Some(steps))?;
@@ -171,7 +176,11 @@ impl Ground {
     }
 }
 
-fn described(segments: &[Segment], model: &Model, teller: &mut Teller<'_, '_>) -> Result<Descriptions, Error> {
+fn described(
+    segments: &[Segment],
+    model: &Model,
+    teller: &mut Teller<'_, '_>,
+) -> Result<Descriptions, Error> {
     let mut all = Descriptions { dim: model.descriptor.dim(), ..Descriptions::default() };
     for batch in segments.chunks(BATCH) {
         let part = model.descriptor.describe(batch);

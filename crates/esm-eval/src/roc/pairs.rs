@@ -75,13 +75,19 @@ mod tests {
     #[test]
     fn pairs_are_what_they_are_called() {
         let (small, large) = ([1.0, 2.0, 2.0], [5.0, 9.0, 4.0]);
-        let map = views(&[(0, 0.0, small), (1, 50.0, large), (2, 90.0, small), (-1, 10.0, small), (0, 0.4, small)]);
+        let map =
+            views(&[(0, 0.0, small), (1, 50.0, large), (2, 90.0, small), (-1, 10.0, small), (0, 0.4, small)]);
         let live = views(&[(0, 0.2, [1.1, 2.1, 2.0]), (7, 3.0, small), (-1, 0.0, small), (1, 50.1, large)]);
         for seed in 0..20 {
             let pairs = Pairs::draw(&map, &live, seed);
             assert_eq!(pairs.judged, [0, 3], "others have no counterpart, or no name");
             assert!(pairs.positive.iter().all(|(l, m)| live.objects[*l] == map.objects[*m]));
-            assert!(pairs.random.iter().all(|(l, m)| (live.centroids[*l][0] - map.centroids[*m][0]).abs() >= 20.0));
+            assert!(
+                pairs
+                    .random
+                    .iter()
+                    .all(|(l, m)| (live.centroids[*l][0] - map.centroids[*m][0]).abs() >= 20.0)
+            );
             assert_eq!(pairs.hard, [(0, 2)], "of the large one there is no likeness");
         }
     }

@@ -66,7 +66,11 @@ pub(super) fn both(
     let live = site.open_live(true, false)?;
     if !live.has_motion() {
         let what = "nothing tells how the sensor moved, so no segments can be cut for curves";
-        return Err(Error::input(&site.files.live, what, "give `live_poses`, or leave it out of [roc] datasets"));
+        return Err(Error::input(
+            &site.files.live,
+            what,
+            "give `live_poses`, or leave it out of [roc] datasets",
+        ));
     }
     Ok([map, visit(&live, Some(&truth), "live")?])
 }
@@ -100,7 +104,8 @@ mod tests {
 
     #[test]
     fn sizes_are_metres() {
-        let points = (0..1000).map(|i| [(i % 10) as f32 * 0.2, (i / 10 % 10) as f32 * 0.1, (i / 100) as f32 * 0.4]);
+        let points =
+            (0..1000).map(|i| [(i % 10) as f32 * 0.2, (i / 10 % 10) as f32 * 0.1, (i / 100) as f32 * 0.4]);
         let segment = Segment::from_points(points.collect()).unwrap();
         let mut views =
             Views { segments: vec![segment], centroids: Vec::new(), objects: Vec::new(), sizes: Vec::new() };
