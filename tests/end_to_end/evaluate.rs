@@ -118,9 +118,8 @@ fn the_commands_agree(check: &Path, out: &Path, found: &Value) {
     ];
     let lines = ran.json();
     let clouds: Vec<&Value> = lines.iter().filter(|l| l["stamp"].is_number()).step_by(3).collect();
-    let is = |key: &str, value: Value| move |l: &&&Value| l[key] == value;
     let c = counts(found, 101, "single", "eigenvalues");
-    let located: Vec<&&Value> = clouds.iter().filter(is("verdict", "located".into())).collect();
+    let located: Vec<&&Value> = clouds.iter().filter(|l| l["verdict"] == "located").collect();
     let right = located.iter().filter(|l| l["error_m"].as_f64().unwrap() <= 2.0).count();
     assert_eq!((&c["clouds"], &c["located"]), (&clouds.len().into(), &located.len().into()));
     assert_eq!((&c["correct"], &c["false"]), (&right.into(), &(located.len() - right).into()));
