@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use esm_eval::{Evaluation, Event, Options, Outcome as Tried, Plan, Report, digest_of, evaluate};
+use esm_eval::{Evaluation, Event, Options, Plan, Report, digest_of, evaluate};
 use indicatif::ProgressBar;
 
 use crate::args::EvaluateArgs;
@@ -124,12 +124,9 @@ fn figures(evaluation: &Evaluation, dir: &Path) -> anyhow::Result<Vec<(String, S
         plot::roc(&dir.join(&name), &curves, &caption)?;
         all.push((name, format!("{}: true against false positives", site(dataset, seed))));
     }
-    for outcome in pictured(evaluation) {
+    for outcome in evaluation.pictured().into_iter().filter(|o| !o.trial.clouds.is_empty()) {
         signals::check()?;
-        let Some(map) = outcome.open_map() else {
-            tracing::warn!("{}: the map is gone: its picture is not drawn", outcome.map.display());
-            continue;
-        };
+        let map = outcome.open_map()?;
         let (c, place) = (&outcome.trial.counts, site(&outcome.dataset, outcome.seed));
         let name = file_name("places", &[&place, &outcome.method]);
         let caption = Caption {
@@ -144,18 +141,6 @@ fn figures(evaluation: &Evaluation, dir: &Path) -> anyhow::Result<Vec<(String, S
     }
     bar.finish_and_clear();
     Ok(all)
-}
-
-/// One trial a dataset and method: of the first site, in the first mode.
-fn pictured(evaluation: &Evaluation) -> Vec<&Tried> {
-    let mut pictured: Vec<&Tried> = Vec::new();
-    for outcome in &evaluation.outcomes {
-        let known = |o: &&&Tried| o.dataset == outcome.dataset && o.method == outcome.method;
-        if !pictured.iter().any(|o| known(&o)) && !outcome.trial.clouds.is_empty() {
-            pictured.push(outcome);
-        }
-    }
-    pictured
 }
 
 fn site(dataset: &str, seed: Option<u64>) -> String {

@@ -95,8 +95,8 @@ pub fn evaluate(plan: &Plan, options: &Options, watch: &mut Watch<'_>) -> Result
     }
     let (mut outcomes, mut rocs) = (Vec::new(), Vec::new());
     for (dataset, sites) in &places {
-        for site in sites {
-            outcomes.extend(run.site(dataset, site, &mut teller)?);
+        for (i, site) in sites.iter().enumerate() {
+            outcomes.extend(run.site(dataset, (site, i == 0), &mut teller)?);
             rocs.extend(run.rocs(dataset, site, &mut teller)?);
         }
     }
@@ -142,7 +142,7 @@ impl<'a> Run<'a> {
     fn site(
         &mut self,
         dataset: &Dataset,
-        site: &Site,
+        (site, first): (&Site, bool),
         teller: &mut Teller<'_, '_>,
     ) -> Result<Vec<Outcome>, Error> {
         let trials = self.trials(dataset);
@@ -150,8 +150,11 @@ impl<'a> Run<'a> {
         let plan = self.plan;
         for (m, method) in plan.methods.iter().enumerate() {
             let mut whole = None;
+            let mut pictured = first;
             for (slot, (mode, _)) in trials.iter().enumerate().filter(|(_, t)| t.1 == m) {
-                outcomes[slot] = Some(self.trial(dataset, site, (mode, method, m), &mut whole, teller)?);
+                let pictured = std::mem::take(&mut pictured);
+                let outcome = self.trial(dataset, site, (mode, method, m), &mut whole, pictured, teller)?;
+                outcomes[slot] = Some(outcome);
                 self.tick(teller)?;
             }
         }
@@ -164,6 +167,7 @@ impl<'a> Run<'a> {
         site: &Site,
         (mode, method, m): (&Mode, &Method, usize),
         whole: &mut Option<maps::Built>,
+        pictured: bool,
         teller: &mut Teller<'_, '_>,
     ) -> Result<Outcome, Error> {
         let (cache, model) = (&self.cache, &self.models[m]);
@@ -175,8 +179,7 @@ impl<'a> Run<'a> {
             true => maps::thinned_key(&whole_key, mode.map_deleted, mode.map_deleted_seed),
             false => whole_key.clone(),
         };
-        let key = trial::key(&map_key, site, &config, mode);
-        let (trial, was_there) = cache.get_or(&key, || {
+        let mut map = |teller: &mut Teller<'_, '_>| {
             let built = match whole {
                 Some(built) => built,
                 None => {
@@ -191,11 +194,20 @@ impl<'a> Run<'a> {
                 }
                 false => Arc::clone(&built.map),
             };
+            Ok::<_, Error>((map, built.built_s, built.peak_mib))
+        };
+        let key = trial::key(&map_key, site, &config, mode);
+        let (trial, was_there) = cache.get_or(&key, || {
+            let (map, map_built_s, map_built_peak_mib) = map(teller)?;
             let words = format!("{words}, {}", mode.name);
             let trial =
                 one_thread()?.install(|| trial::run(&map, site, (&config, mode, model), &words, teller))?;
-            Ok(Trial { map_built_s: built.built_s, map_built_peak_mib: built.peak_mib, ..trial })
+            Ok(Trial { map_built_s, map_built_peak_mib, ..trial })
         })?;
+        // A picture is drawn over the map, which somebody may have taken away meanwhile.
+        if was_there && pictured {
+            map(teller)?;
+        }
         self.computed += usize::from(!was_there);
         Ok(Outcome {
             dataset: dataset.name.clone(),
@@ -250,9 +262,26 @@ impl<'a> Run<'a> {
     }
 }
 
+impl Evaluation {
+    /// The outcomes that stand for others in pictures: of each dataset and method the first site in its first mode. Their maps
+    /// are there.
+    pub fn pictured(&self) -> Vec<&Outcome> {
+        let mut pictured: Vec<&Outcome> = Vec::new();
+        for outcome in &self.outcomes {
+            if !pictured.iter().any(|o| o.dataset == outcome.dataset && o.method == outcome.method) {
+                pictured.push(outcome);
+            }
+        }
+        pictured
+    }
+}
+
 impl Outcome {
-    /// Opens the map; `None` where it is no longer in the cache.
-    pub fn open_map(&self) -> Option<Map> {
-        Map::open(&self.map).ok()
+    /// Opens the map.
+    ///
+    /// # Errors
+    /// [`Error::Core`] where it is no longer in the cache.
+    pub fn open_map(&self) -> Result<Map, Error> {
+        Map::open(&self.map).map_err(Error::core(format!("{}, {}", self.dataset, self.method)))
     }
 }
