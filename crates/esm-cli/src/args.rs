@@ -290,6 +290,9 @@ pub struct EvaluateArgs {
     /// Only this mode; several times for several
     #[arg(long, value_name = "NAME")]
     pub mode: Vec<String>,
+    /// Only the trials of this simulated world, or `-` for recordings, and no report: how the program calls itself
+    #[arg(long, value_name = "SEED", hide = true, allow_hyphen_values = true)]
+    pub alone: Option<String>,
     /// Take results of other builds of this program too; without it they are computed again
     #[arg(long)]
     pub reuse_older: bool,

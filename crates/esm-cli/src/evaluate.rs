@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use esm_eval::{Evaluation, Event, Options, Plan, Report, digest_of, evaluate};
+use esm_eval::{Evaluation, Event, Options, Plan, Report, digest_of, evaluate, evaluate_apart};
 use indicatif::ProgressBar;
 
 use crate::args::EvaluateArgs;
@@ -11,6 +11,8 @@ use crate::output::data;
 use crate::plot::{self, Caption};
 use crate::signals::{self, Interrupted, Unfinished};
 use crate::{console, settings};
+
+mod apart;
 
 pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
     settings::start_threads(args.threads)?;
@@ -25,12 +27,20 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
         // A signal waits until the file in hand is whole.
         let _unfinished = Unfinished::begin();
         let mut bars = Bars::new();
-        evaluate(&plan, &options, &mut |event| bars.hear(event)).map_err(|e| match e {
+        let mut watch = |event| bars.hear(event);
+        let followed = match &args.alone {
+            Some(seed) => evaluate(&plan.alone(seed.parse().ok()), &options, &mut watch),
+            None => evaluate_apart(&plan, &options, &apart::runner(args, &options), &mut watch),
+        };
+        followed.map_err(|e| match e {
             esm_eval::Error::Interrupted => anyhow::Error::new(Interrupted)
                 .context("interrupted\nhint: the same command goes on where it was"),
             other => other.into(),
         })?
     };
+    if args.alone.is_some() {
+        return Ok(Outcome::Done);
+    }
     let figures = figures(&evaluation, &args.output)?;
     let report = Report::of(&evaluation);
     report.write(&args.output, &figures)?;

@@ -55,6 +55,8 @@ impl Cache {
             .and_then(|(_, body)| serde_json::from_str::<Entry>(body).ok());
         let Some(entry) = whole else {
             tracing::warn!("{}: a damaged result, which is made again", path.display());
+            // Said once. Where it cannot be removed it will be replaced.
+            let _ = std::fs::remove_file(&path);
             return None;
         };
         let usable = entry.version == VERSION && (self.reuse_older || entry.program == self.program);

@@ -41,6 +41,14 @@ pub enum Error {
     /// The watcher asked to stop.
     #[error("the evaluation was interrupted\nhint: the same command goes on where it was")]
     Interrupted,
+    /// A process that ran a part of it has failed.
+    #[error("{what}\nhint: {hint}")]
+    Apart {
+        /// What it said.
+        what: String,
+        /// What to do.
+        hint: String,
+    },
     /// Of the core, named by what was being done.
     #[error("{doing}: {source}")]
     Core {

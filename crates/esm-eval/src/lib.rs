@@ -49,7 +49,7 @@ pub use objects::object_of;
 pub use plan::{Dataset, Files, Method, Mode, Plan, RocPlan, Simulated, Source};
 pub use report::{Pooled, Report};
 pub use roc::{Curve, RANKS, Roc};
-pub use run::{Evaluation, Options, Outcome, RocOutcome, evaluate};
+pub use run::{Apart, Evaluation, Job, Options, Outcome, RocOutcome, evaluate, evaluate_apart};
 pub use stats::Share;
 pub use trial::{Cloud, Counts, STAGES, Trial};
 pub use watch::{Event, Watch};

@@ -28,6 +28,23 @@ pub struct Options {
     pub reuse_older: bool,
 }
 
+/// One trial, by its names in the plan.
+#[derive(Clone, Copy, Debug)]
+pub struct Job<'a> {
+    /// The dataset's name.
+    pub dataset: &'a str,
+    /// Of the simulated world; `None` of recordings.
+    pub seed: Option<u64>,
+    /// The mode's name.
+    pub mode: &'a str,
+    /// The method's name.
+    pub method: &'a str,
+}
+
+/// Runs a trial in a process of its own, which evaluates [`Plan::alone`] with the same [`Options`]: its memory is then that of
+/// localizing and of nothing else. Asks every now and then whether to go on, and ends with [`Error::Interrupted`] where not.
+pub type Apart<'a> = dyn Fn(&Job<'_>, &mut dyn FnMut() -> bool) -> Result<(), Error> + 'a;
+
 /// What one method did in one mode on one site.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
@@ -83,10 +100,32 @@ pub struct Evaluation {
 /// # Errors
 /// [`Error::Interrupted`] where `watch` asks for it; the inputs' errors, with their files.
 pub fn evaluate(plan: &Plan, options: &Options, watch: &mut Watch<'_>) -> Result<Evaluation, Error> {
+    follow(plan, options, None, watch)
+}
+
+/// The same with every trial in a process of its own.
+///
+/// # Errors
+/// As [`evaluate`], and those of `apart`.
+pub fn evaluate_apart(
+    plan: &Plan,
+    options: &Options,
+    apart: &Apart<'_>,
+    watch: &mut Watch<'_>,
+) -> Result<Evaluation, Error> {
+    follow(plan, options, Some(apart), watch)
+}
+
+fn follow(
+    plan: &Plan,
+    options: &Options,
+    apart: Option<&Apart<'_>>,
+    watch: &mut Watch<'_>,
+) -> Result<Evaluation, Error> {
     let mut teller = Teller(watch);
     let cache = Cache::open(&options.work.join("results"), &options.program, options.reuse_older)?;
     let models = plan.methods.iter().map(Model::open).collect::<Result<Vec<_>, _>>()?;
-    let mut run = Run { plan, cache, models, done: 0, total: 0, computed: 0 };
+    let mut run = Run { plan, apart, cache, models, done: 0, total: 0, computed: 0 };
     let mut places = Vec::new();
     for dataset in &plan.datasets {
         let sites = sites(dataset, &options.work.join("simulated"), &mut teller)?;
@@ -115,6 +154,7 @@ fn one_thread() -> Result<rayon::ThreadPool, Error> {
 
 struct Run<'a> {
     plan: &'a Plan,
+    apart: Option<&'a Apart<'a>>,
     cache: Cache,
     /// As many as methods.
     models: Vec<Model>,
@@ -197,13 +237,35 @@ impl<'a> Run<'a> {
             Ok::<_, Error>((map, built.built_s, built.peak_mib))
         };
         let key = trial::key(&map_key, site, &config, mode);
-        let (trial, was_there) = cache.get_or(&key, || {
+        let words_of_mode = format!("{words}, {}", mode.name);
+        let mut alone = |teller: &mut Teller<'_, '_>| {
             let (map, map_built_s, map_built_peak_mib) = map(teller)?;
-            let words = format!("{words}, {}", mode.name);
-            let trial =
-                one_thread()?.install(|| trial::run(&map, site, (&config, mode, model), &words, teller))?;
+            let trial = one_thread()?
+                .install(|| trial::run(&map, site, (&config, mode, model), &words_of_mode, teller))?;
             Ok(Trial { map_built_s, map_built_peak_mib, ..trial })
-        })?;
+        };
+        let (trial, was_there) = match self.apart {
+            None => cache.get_or(&key, || alone(teller))?,
+            Some(apart) => match cache.get(&key) {
+                Some(kept) => (kept, true),
+                None => {
+                    let job = Job {
+                        dataset: &dataset.name,
+                        seed: site.seed,
+                        mode: &mode.name,
+                        method: &method.name,
+                    };
+                    map(teller)?;
+                    teller.begins(format!("localizing {words_of_mode}"), None)?;
+                    apart(&job, &mut || teller.step().is_ok())?;
+                    let none = || Error::Apart {
+                        what: format!("{words_of_mode}: the process that localized has left no result"),
+                        hint: "was the program replaced while it ran? The same command goes on".to_owned(),
+                    };
+                    (cache.get(&key).ok_or_else(none)?, false)
+                }
+            },
+        };
         // A picture is drawn over the map, which somebody may have taken away meanwhile.
         if was_there && pictured {
             map(teller)?;

@@ -197,6 +197,17 @@ impl Plan {
         Ok(self)
     }
 
+    /// Only the trials on one simulated world (or on recordings, which have no seed), without curves.
+    pub fn alone(mut self, seed: Option<u64>) -> Self {
+        self.roc = None;
+        for dataset in &mut self.datasets {
+            if let Source::Simulated(worlds) = &mut dataset.source {
+                worlds.seeds.retain(|s| Some(*s) == seed);
+            }
+        }
+        self
+    }
+
     /// The settings with which a map is built: the defaults, the plan's, the dataset's and the method's over each other.
     pub(crate) fn map_config(&self, dataset: &Dataset, method: &Method) -> Result<Config, Error> {
         let mut config =
