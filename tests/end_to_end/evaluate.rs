@@ -110,7 +110,7 @@ fn the_commands_agree(check: &Path, out: &Path, found: &Value) {
         "--truth",
         truth,
         "--accumulate",
-        "10",
+        "5",
         "--config",
         config,
         "--descriptor",
