@@ -30,6 +30,11 @@ impl Ran {
         self.stdout.lines().map(|l| serde_json::from_str(l).unwrap_or_else(|e| panic!("{e}: {l}"))).collect()
     }
 
+    /// The one object on stdout, however many lines it takes.
+    pub(crate) fn value(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|e| panic!("{e}: {}", self.stdout))
+    }
+
     /// The last object's `summary`.
     pub(crate) fn summary(&self) -> Value {
         self.json()

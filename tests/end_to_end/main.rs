@@ -6,6 +6,7 @@
 
 mod common;
 mod determinism;
+mod evaluate;
 mod inputs;
 mod kitti;
 mod licences;

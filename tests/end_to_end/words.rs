@@ -19,6 +19,7 @@ fn help_texts() {
     insta::assert_snapshot!("help_simulate", rest.join("\n"));
     assert!(presets.len() >= 6 && presets.iter().all(|l| l.len() > 40), "each says what it is: {presets:?}");
     insta::assert_snapshot!("help_demo", help(&["demo"]));
+    insta::assert_snapshot!("help_evaluate", help(&["evaluate"]));
     insta::assert_snapshot!("help_serve", help(&["serve"]));
     insta::assert_snapshot!("help_replay", help(&["replay"]));
 }
@@ -80,6 +81,7 @@ fn manual_pages_are_written() {
             "esm-cli-completions.1",
             "esm-cli-config.1",
             "esm-cli-demo.1",
+            "esm-cli-evaluate.1",
             "esm-cli-localize.1",
             "esm-cli-loops.1",
             "esm-cli-man.1",

@@ -59,6 +59,8 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// The whole story on two small simulated places: simulate, map, localize; offline, in a minute
     Demo(DemoArgs),
+    /// Judge several methods on several places by a plan: tables, curves and pictures
+    Evaluate(EvaluateArgs),
     /// Cut recordings whose poses are known into labelled segments, for training and judging descriptors
     Segments(Box<SegmentsArgs>),
     /// Answer robots over the network: clouds in, poses out, as long as it runs
@@ -265,6 +267,48 @@ pub struct DemoArgs {
     #[arg(long, value_name = "F", default_value_t = 1.0, hide = true)]
     pub scale: f64,
 }
+
+/// `esm-cli evaluate ...`
+#[derive(Debug, Args)]
+#[command(after_help = EVALUATE_WORDS)]
+pub struct EvaluateArgs {
+    /// The plan: datasets, methods and modes
+    #[arg(value_name = "PLAN.toml", value_hint = ValueHint::FilePath)]
+    pub plan: PathBuf,
+    /// Directory for the report; made where it is missing
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub output: PathBuf,
+    /// Directory for simulated recordings, maps and results, which later runs take up [default: DIR/work]
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub work: Option<PathBuf>,
+    /// Only this dataset of the plan; several times for several
+    #[arg(long, value_name = "NAME")]
+    pub dataset: Vec<String>,
+    /// Only this method; several times for several
+    #[arg(long, value_name = "NAME")]
+    pub method: Vec<String>,
+    /// Only this mode; several times for several
+    #[arg(long, value_name = "NAME")]
+    pub mode: Vec<String>,
+    /// Only the trials of this simulated world, or `-` for recordings, and no report: how the program calls itself
+    #[arg(long, value_name = "SEED", hide = true, allow_hyphen_values = true)]
+    pub alone: Option<String>,
+    /// Take results of other builds of this program too; without it they are computed again
+    #[arg(long)]
+    pub reuse_older: bool,
+    /// Worker threads for simulating, mapping and curves; localization is timed in one [default: one a core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// results.json on stdout instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+const EVALUATE_WORDS: &str = "\
+DIR gets report.md (tables and pictures), results.json, results.csv and the pictures. Every result is
+kept under the digest of all that goes into it: inputs, weights, settings, program. What is there is not
+computed again, and an evaluation that was stopped goes on when the same command is given again.
+evaluation/ in the source holds plans, docs/evaluation.md says what may stand in one.";
 
 /// `esm-cli segments ...`
 #[derive(Debug, Args)]

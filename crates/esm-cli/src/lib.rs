@@ -14,11 +14,12 @@ mod completions;
 pub mod config_text;
 pub mod console;
 mod demo;
+mod evaluate;
 mod info;
 pub mod inputs;
 mod localize;
 mod loops;
-mod memory;
+pub(crate) use esm_eval::memory;
 pub mod outcome;
 pub mod output;
 mod plot;
@@ -28,7 +29,7 @@ mod serve;
 pub mod settings;
 mod signals;
 mod simulate;
-pub mod truth;
+pub use esm_eval::truth;
 
 use args::{Cli, Command, MapCommand};
 use outcome::Outcome;
@@ -58,6 +59,7 @@ fn run(command: Command) -> anyhow::Result<Outcome> {
         Command::Loops(args) => loops::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Evaluate(args) => evaluate::run(&args),
         Command::Segments(args) => segments::run(&args),
         Command::Serve(args) => serve::run(&args),
         Command::Replay(args) => replay::run(&args),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use esm_core::AccumulateConfig;
-use esm_io::PointLabel;
+use esm_eval::object_of;
 use esm_learn::{Found, Identities, IdentityRule, Row, SegmentSetWriter, SetInfo, Surveyor, UNKNOWN_CLASS};
 use esm_sim::Class;
 use serde_json::json;
@@ -125,14 +125,7 @@ impl Set {
         [place, visit]: [u16; 2],
     ) -> anyhow::Result<()> {
         for f in found {
-            let object = match (f.label, numbered) {
-                // The ground, and what does not stay where it is, is nothing to find again.
-                (Some(label), true) if label.object != 0 && !moves(label) => {
-                    identities.of(label.object, f.centroid_map)
-                }
-                (_, true) => -1,
-                (_, false) => identities.of(0, f.centroid_map),
-            };
+            let object = object_of(&f, numbered, identities);
             let class = f.label.map_or(UNKNOWN_CLASS, |l| l.class);
             self.writer.push(&Row {
                 points: f.points,
@@ -150,10 +143,6 @@ impl Set {
         self.clouds += 1;
         Ok(())
     }
-}
-
-fn moves(label: PointLabel) -> bool {
-    Class::from_number(label.class).is_some_and(Class::moves)
 }
 
 /// Names by number, empty where there is no class of it.

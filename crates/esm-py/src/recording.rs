@@ -33,7 +33,7 @@ impl Recording {
         poses: Option<PathBuf>,
         labels: bool,
     ) -> PyResult<Self> {
-        let options = OpenOptions { cloud_topic, motion_topic, poses, labels };
+        let options = OpenOptions { cloud_topic, motion_topic, poses, labels, rings: false };
         let inner = run(py, Threads::default(), move || esm_io::Recording::open(path, &options))?;
         Ok(Self { inner: Arc::new(inner) })
     }

@@ -58,6 +58,7 @@ impl Frames {
             motion_topic: args.odometry_topic.clone(),
             poses: args.poses.clone(),
             labels,
+            rings: false,
         };
         let recordings =
             inputs.iter().map(|path| Recording::open(path, &options)).collect::<Result<Vec<_>, _>>()?;

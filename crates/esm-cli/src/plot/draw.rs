@@ -26,7 +26,7 @@ pub(crate) fn svg(
     unplaced: usize,
     caption: &Caption,
 ) -> anyhow::Result<Document> {
-    let bounds = bounds(map, places);
+    let bounds = bounds(map, &at(places));
     panel(map, places, unplaced, caption, &View::of(bounds[0], bounds[1]), "area")
 }
 
@@ -37,7 +37,7 @@ pub(super) fn stacked(
 ) -> anyhow::Result<Document> {
     let (mut document, mut top) = (Document::new(), 0.0);
     for (i, (map, places, unplaced, caption)) in panels.iter().enumerate() {
-        let bounds = bounds(map, places);
+        let bounds = bounds(map, &at(places));
         let view = View::within(bounds[0], bounds[1], heights);
         let panel = panel(map, places, *unplaced, caption, &view, &format!("area{i}"))?;
         document = document.add(panel.set("y", top));
@@ -79,8 +79,12 @@ fn panel(
     Ok(document)
 }
 
+fn at(places: &[Place]) -> Vec<[f64; 2]> {
+    places.iter().map(|p| p.at).collect()
+}
+
 /// Lower left and upper right corner of all that is shown, metres.
-fn bounds(map: &Map, places: &[Place]) -> [[f64; 2]; 2] {
+pub(super) fn bounds(map: &Map, places: &[[f64; 2]]) -> [[f64; 2]; 2] {
     let origin = map.origin();
     let mut bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
     let mut widen = |p: [f64; 2]| {
@@ -103,7 +107,7 @@ fn bounds(map: &Map, places: &[Place]) -> [[f64; 2]; 2] {
     widen([xs[0], ys[0]]);
     widen([xs[1], ys[1]]);
     map.path().iter().for_each(|p| widen([p[0], p[1]]));
-    places.iter().for_each(|p| widen(p.at));
+    places.iter().for_each(|p| widen(*p));
     bounds
 }
 
@@ -199,7 +203,7 @@ pub(super) fn text_width(line: &str, px: f64) -> f64 {
     0.66 * px * line.chars().count() as f64
 }
 
-fn mapped_path(map: &Map, view: &View) -> Path {
+pub(super) fn mapped_path(map: &Map, view: &View) -> Path {
     let mut data = String::new();
     let mut previous: Option<[f64; 3]> = None;
     for p in map.path() {

@@ -6,6 +6,8 @@ mod backdrop;
 mod draw;
 mod drive;
 mod png;
+mod recognised;
+mod roc;
 mod style;
 mod view;
 mod world;
@@ -14,6 +16,7 @@ use std::io::Write;
 use std::path::Path;
 
 use esm_core::map::Map;
+use esm_eval::{Cloud, Roc};
 use esm_sim::Preset;
 
 use crate::outcome::Failure;
@@ -60,6 +63,16 @@ pub(crate) fn places(path: &Path, panels: &[(&Map, &Drive, &Caption)]) -> anyhow
 /// Draws a simulated world, and writes the picture.
 pub(crate) fn world(path: &Path, preset: &Preset, seed: u64, scale: f64) -> anyhow::Result<()> {
     put(path, &world::svg(preset, seed, scale)?)
+}
+
+/// Draws the curves of descriptors, by the names of the methods.
+pub(crate) fn roc(path: &Path, curves: &[(&str, &Roc)], caption: &Caption) -> anyhow::Result<()> {
+    put(path, &roc::svg(curves, caption).to_string())
+}
+
+/// Draws the map with the places that were recognised.
+pub(crate) fn recognised(path: &Path, map: &Map, clouds: &[Cloud], caption: &Caption) -> anyhow::Result<()> {
+    put(path, &recognised::svg(map, clouds, caption)?.to_string())
 }
 
 fn put(path: &Path, svg: &str) -> anyhow::Result<()> {

@@ -140,6 +140,7 @@ impl DirectorySweeps {
             frame_id: String::new(),
             dropped: scan.dropped,
             labels: Vec::new(),
+            rings: Vec::new(),
         };
         self.next += 1;
         Ok(Some(sweep))

@@ -9,7 +9,7 @@ use super::{NamedPoses, OpenOptions, Sweep, Warning};
 use crate::error::Error;
 use crate::mcap_file::{Damage, MessageKind, MessageStream, Topic, TopicTable, Wanted};
 use crate::pose::seconds;
-use crate::ros::point_cloud2;
+use crate::ros::point_cloud2::{self, Extras};
 
 /// How long a sweep waits for the motion after it, nanoseconds of the file's own clock: odometry that a filter publishes
 /// late is late by well under a second.
@@ -26,7 +26,7 @@ pub(super) struct McapSource {
     cloud: Topic,
     motion: Option<(Topic, MessageKind)>,
     poses: Option<(PathBuf, SweepPoses)>,
-    labels: bool,
+    extras: Extras,
 }
 
 impl McapSource {
@@ -41,7 +41,8 @@ impl McapSource {
         let poses = poses
             .map(|(file, poses)| SweepPoses::for_recording(poses, &file, sweeps).map(|p| (file, p)))
             .transpose()?;
-        Ok(Self { path: path.to_owned(), table, cloud, motion, poses, labels: options.labels })
+        let extras = Extras { labels: options.labels, rings: options.rings };
+        Ok(Self { path: path.to_owned(), table, cloud, motion, poses, extras })
     }
 
     pub(super) fn topics(&self) -> Vec<Topic> {
@@ -85,7 +86,7 @@ impl McapSource {
             expected: self.table.expected().cloned(),
             motion: MotionState::new(motion, !fixed_ids.is_empty()),
             cloud_name: self.cloud.name.clone(),
-            labels: self.labels,
+            extras: self.extras,
             motion_name,
             cloud_ids,
             motion_ids,
@@ -122,7 +123,7 @@ pub(super) struct McapSweeps {
     motion: MotionState,
     cloud_name: String,
     /// Whether points' labels are read too.
-    labels: bool,
+    extras: Extras,
     motion_name: String,
     cloud_ids: BTreeSet<u16>,
     motion_ids: BTreeSet<u16>,
@@ -209,7 +210,7 @@ impl McapSweeps {
         let is_cloud = self.cloud_ids.contains(&channel);
         let taken = if is_cloud {
             let index = self.seen.get(&self.cloud_name).copied().unwrap_or(0);
-            point_cloud2::decode(data, self.labels).map(|cloud| {
+            point_cloud2::decode(data, self.extras).map(|cloud| {
                 self.read += 1;
                 let sweep = Sweep {
                     number: self.read,
@@ -220,6 +221,7 @@ impl McapSweeps {
                     frame_id: cloud.header.frame_id,
                     dropped: cloud.dropped,
                     labels: cloud.labels,
+                    rings: cloud.rings,
                 };
                 self.waiting.push_back(Waiting { log_time, index, sweep });
             })

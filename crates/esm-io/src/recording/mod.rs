@@ -41,6 +41,9 @@ pub struct Sweep {
     /// What each point was hit on, as simulators tell it: as many as points where [`OpenOptions::labels`] asked for them and
     /// the clouds have a field `object_id`, else none.
     pub labels: Vec<PointLabel>,
+    /// Which laser each point is of: as many as points where [`OpenOptions::rings`] asked for them and the clouds have a field
+    /// `ring`, else none.
+    pub rings: Vec<u16>,
 }
 
 /// What to read of a recording.
@@ -56,6 +59,8 @@ pub struct OpenOptions {
     pub poses: Option<PathBuf>,
     /// Whether the points' labels are read too.
     pub labels: bool,
+    /// Whether the numbers of the points' lasers are read too.
+    pub rings: bool,
 }
 
 /// An opened recording: one `.mcap`, a directory of scans, or a single scan.

@@ -22,6 +22,15 @@ pub(crate) struct RosCloud {
     pub(crate) dropped: usize,
     /// One a point, where they were asked for and the cloud has a field `object_id`.
     pub(crate) labels: Vec<PointLabel>,
+    /// One a point, where they were asked for and the cloud has a field `ring`.
+    pub(crate) rings: Vec<u16>,
+}
+
+/// What to read of a cloud besides its points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Extras {
+    pub(crate) labels: bool,
+    pub(crate) rings: bool,
 }
 
 /// A `sensor_msgs/msg/PointCloud2` that comes as bytes, over a network, instead of in a recording.
@@ -41,7 +50,7 @@ impl CloudMessage {
     /// # Errors
     /// [`Error::Malformed`] where it is cut short or contradicts itself.
     pub fn from_cdr(message: &[u8], name: &str) -> Result<Self, Error> {
-        let RosCloud { header, cloud, dropped, .. } = decode(message, false).map_err(|what| {
+        let RosCloud { header, cloud, dropped, .. } = decode(message, Extras::default()).map_err(|what| {
             let hint = "send one sensor_msgs/msg/PointCloud2 in CDR with its four bytes of encapsulation";
             Error::malformed(Path::new(name), "PointCloud2", what, hint)
         })?;
@@ -69,11 +78,12 @@ struct Fields {
     xyz: [(usize, Scalar); 3],
     object_id: Option<(usize, Scalar)>,
     class: Option<(usize, Scalar)>,
+    ring: Option<(usize, Scalar)>,
 }
 
 /// Decodes a message. Points stand in `width` x `height` records of `point_step` bytes, rows `row_step` apart; x, y and z
 /// may have any place and number type, other fields are skipped.
-pub(crate) fn decode(message: &[u8], with_labels: bool) -> Result<RosCloud, String> {
+pub(crate) fn decode(message: &[u8], extras: Extras) -> Result<RosCloud, String> {
     let mut cdr = CdrReader::new(message)?;
     let header = Header::read(&mut cdr)?;
     let height = u64::from(cdr.u32()?);
@@ -87,16 +97,18 @@ pub(crate) fn decode(message: &[u8], with_labels: bool) -> Result<RosCloud, Stri
 
     let points = width.saturating_mul(height);
     if points == 0 {
-        return Ok(RosCloud { header, cloud: PointCloud::default(), dropped: 0, labels: Vec::new() });
+        let cloud = PointCloud::default();
+        return Ok(RosCloud { header, cloud, dropped: 0, labels: Vec::new(), rings: Vec::new() });
     }
-    let Fields { xyz, object_id, class } = places?;
+    let Fields { xyz, object_id, class, ring } = places?;
     let layout = XyzLayout { fields: xyz, big_endian };
     // Fields that do not lie inside the records are as good as missing.
     let inside = |field: Option<(usize, Scalar)>| {
         field.filter(|(at, kind)| at.checked_add(kind.size()).is_some_and(|end| end as u64 <= point_step))
     };
-    let object_id = inside(object_id).filter(|_| with_labels);
+    let object_id = inside(object_id).filter(|_| extras.labels);
     let class = inside(class);
+    let ring = inside(ring).filter(|_| extras.rings);
     let extent = layout.extent().ok_or("a field's offset is out of range")? as u64;
     if point_step < extent {
         return Err(format!("point_step is {point_step}, the coordinates reach to byte {extent}"));
@@ -121,7 +133,7 @@ pub(crate) fn decode(message: &[u8], with_labels: bool) -> Result<RosCloud, Stri
     // All sizes are below data.len() from here on.
     let mut sink = PointSink::sensor_frame();
     sink.reserve(points);
-    let mut labels = Vec::new();
+    let (mut labels, mut rings) = (Vec::new(), Vec::new());
     for row_data in data.chunks(row_step as usize).take(height as usize) {
         for record in row_data[..row as usize].chunks_exact(point_step as usize) {
             let taken = sink.push(layout.read(record));
@@ -130,10 +142,13 @@ pub(crate) fn decode(message: &[u8], with_labels: bool) -> Result<RosCloud, Stri
                 let class = class.map_or(255, |(at, kind)| kind.read(record, at, big_endian) as u8);
                 labels.push(PointLabel { object, class });
             }
+            if taken && let Some((at, kind)) = ring {
+                rings.push(kind.read(record, at, big_endian) as u16);
+            }
         }
     }
     let (_, cloud, dropped) = sink.finish();
-    Ok(RosCloud { header, cloud, dropped, labels })
+    Ok(RosCloud { header, cloud, dropped, labels, rings })
 }
 
 /// The point records of a message, one after the other, whatever their fields are.
@@ -155,7 +170,7 @@ fn read_fields(cdr: &mut CdrReader<'_>) -> Result<Result<Fields, String>, String
         return Err(format!("{n} fields are declared, more than {FIELD_LIMIT}"));
     }
     let mut places: [Option<(usize, Scalar)>; 3] = [None; 3];
-    let (mut object_id, mut class) = (None, None);
+    let (mut object_id, mut class, mut ring) = (None, None, None);
     let mut names = Vec::new();
     for _ in 0..n {
         let name = cdr.string()?;
@@ -173,12 +188,13 @@ fn read_fields(cdr: &mut CdrReader<'_>) -> Result<Result<Fields, String>, String
         match name.as_str() {
             "object_id" if object_id.is_none() => object_id = place(),
             "class" if class.is_none() => class = place(),
+            "ring" if ring.is_none() => ring = place(),
             _ => {}
         }
         names.push(name);
     }
     Ok(match places {
-        [Some(x), Some(y), Some(z)] => Ok(Fields { xyz: [x, y, z], object_id, class }),
+        [Some(x), Some(y), Some(z)] => Ok(Fields { xyz: [x, y, z], object_id, class, ring }),
         _ => Err(format!("the fields are [{}]: x, y and z are needed", names.join(", "))),
     })
 }

@@ -8,10 +8,12 @@
 //! - recall: correct among the localizable clouds that hold at least 95 % of the asked travel;
 //! - false ones are counted over all clouds.
 
+mod file;
 mod places;
 mod tally;
 mod trajectory;
 
+pub use file::read;
 pub use places::Places;
 pub use tally::{Judgement, Quantiles, Tally};
 pub use trajectory::Trajectory;
