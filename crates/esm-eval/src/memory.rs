@@ -1,6 +1,6 @@
 //! Peak memory of this process.
 
-/// Largest resident set so far in MiB, or since [`reset_peak`]; `None` where the system does not say.
+/// Largest resident set so far in MiB, or since `reset_peak`; `None` where the system does not say.
 pub fn peak_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     peak_of(&status)
