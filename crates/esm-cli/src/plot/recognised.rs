@@ -125,7 +125,9 @@ fn visit(clouds: &[Cloud], slanted: &Slanted<'_>) -> Group {
 }
 
 fn colour(share: f64) -> String {
-    let at = share.clamp(0.0, 1.0) * (TIME.len() - 1) as f64;
+    // What is no number is the first.
+    let share = if share > 0.0 { share.min(1.0) } else { 0.0 };
+    let at = share * (TIME.len() - 1) as f64;
     let i = (at as usize).min(TIME.len() - 2);
     let mix = |c: usize| {
         let (a, b) = (f64::from(TIME[i][c]), f64::from(TIME[i + 1][c]));
