@@ -86,7 +86,7 @@ impl Default for PoseConfig {
             distinct_m: 2.0,
             beta: 0.0,
             max_draws: 100_000,
-            max_branches: 20_000,
+            max_branches: 1000,
         }
     }
 }
