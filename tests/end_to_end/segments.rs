@@ -108,5 +108,14 @@ fn inputs_that_make_no_set_are_refused() {
         .failed(&["2 truths for 1 recordings"]);
     esm!["segments", scan, "--accumulate", "-3", "-o", dir.path().join("set")].failed(&["accumulate"]);
     esm!["segments", scan, "--step", "nan", "-o", dir.path().join("set")].failed(&["step = NaN"]);
+    // A directory of the simulator brings its own truth and name.
+    let street = dir.path().join("street");
+    fs::create_dir(&street).unwrap();
+    for name in ["map.mcap", "map_truth.tum"] {
+        fs::write(street.join(name), []).unwrap();
+    }
+    for flag in ["--poses", "--truth", "--place"] {
+        esm!["segments", street, flag, "other", "-o", dir.path().join("set")].failed(&[flag, "street"]);
+    }
     assert!(!dir.path().join("set").exists());
 }

@@ -13,6 +13,7 @@ use crate::inputs::{Frames, check_distinct, read_truth};
 use crate::outcome::{Failure, Outcome};
 use crate::output::data;
 use crate::settings;
+use crate::signals::Unfinished;
 
 /// A recording with its truth.
 struct Drive {
@@ -31,6 +32,8 @@ pub(crate) fn run(args: &SegmentsArgs) -> anyhow::Result<Outcome> {
     check_distinct(&args.inputs)?;
     let config = settings::configure(&args.tune, &LiveArgs::default())?.config;
     let places = places(args)?;
+    // An interrupt then ends the loop below, and the unfinished set goes.
+    let _unfinished = Unfinished::begin();
     let info = SetInfo {
         places: places.iter().map(|p| p.name.clone()).collect(),
         classes: class_names(),
@@ -158,11 +161,26 @@ fn places(args: &SegmentsArgs) -> anyhow::Result<Vec<Place>> {
     };
     let (simulated, recorded): (Vec<&PathBuf>, Vec<&PathBuf>) =
         args.inputs.iter().partition(|p| p.join("map.mcap").is_file() && p.join("map_truth.tum").is_file());
-    if !simulated.is_empty() && (!recorded.is_empty() || !args.truth.is_empty()) {
-        let what = "directories of the simulator and other recordings cannot be mixed".to_owned();
-        return Err(Failure::new(what, "the simulator's directories hold their truth; make two sets").into());
-    }
-    if !simulated.is_empty() {
+    if let Some(first) = simulated.first() {
+        if !recorded.is_empty() {
+            let what = "directories of the simulator and other recordings cannot be mixed".to_owned();
+            return Err(
+                Failure::new(what, "the simulator's directories hold their truth; make two sets").into()
+            );
+        }
+        let given = [
+            ("--truth", !args.truth.is_empty()),
+            ("--poses", args.read.poses.is_some()),
+            ("--place", args.place.is_some()),
+        ];
+        if let Some((flag, _)) = given.into_iter().find(|(_, given)| *given) {
+            let what = format!("{flag}: {} is a directory of the simulator", first.display());
+            return Err(Failure::new(
+                what,
+                "it holds the truth of its visits and its name: leave the flag away",
+            )
+            .into());
+        }
         let visit = |dir: &std::path::Path, name: &str| Drive {
             recording: dir.join(format!("{name}.mcap")),
             truth: Some(dir.join(format!("{name}_truth.tum"))),

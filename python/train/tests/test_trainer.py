@@ -86,6 +86,9 @@ def test_resuming_with_another_configuration_is_refused(config: Make) -> None:
     other = dataclasses.replace(config(), optim=OptimConfig(steps=7))
     with pytest.raises(TrainError, match=r"another \[optim\]"):
         Trainer(other, ALONE, resume=True)
+    seeded = dataclasses.replace(config(), run=dataclasses.replace(config().run, seed=9))
+    with pytest.raises(TrainError, match=r"run\.seed = 0, not 9"):
+        Trainer(seeded, ALONE, resume=True)
     with pytest.raises(TrainError, match="exists already"):
         Trainer(config(), ALONE, resume=False)
     with pytest.raises(TrainError, match="no such checkpoint"):

@@ -80,9 +80,22 @@ def test_damaged_weights_are_refused(tmp_path: Path) -> None:
     refused({**tensors, "more": np.zeros(1, np.float32)}, metadata, "unknown.*more")
     refused(tensors, {**metadata, "format_version": "1"}, "version '1'")
     refused(tensors, {**metadata, "point_plan": "8,4"}, "header")
+    refused(tensors, {**metadata, "architecture": "xconv-5"}, "architecture 'xconv-5'")
+    for temperature in ("-1", "0", "nan", "warm"):
+        refused(tensors, {**metadata, "quality_temperature": temperature}, "quality_temperature")
+    refused(
+        {**tensors, "measures.std": np.zeros_like(tensors["measures.std"])}, metadata, r"measures\.std: not all above 0"
+    )
     file.write_bytes(b"\x00" * 100)
     with pytest.raises(TrainError, match=r"w\.safetensors"):
         load_network(file)
+
+
+def test_others_may_read_what_is_written(tmp_path: Path) -> None:
+    plain, file = tmp_path / "plain", tmp_path / "w.safetensors"
+    plain.touch()
+    written(tiny_plan(), file)
+    assert file.stat().st_mode == plain.stat().st_mode
 
 
 def test_weights_with_nan_are_not_written() -> None:

@@ -137,7 +137,9 @@ pub(crate) fn check_name(name: &str) -> Result<(), Error> {
     }
     let allowed = match PEERS.contains(&name) {
         true => "its weights file, such as weights/peers/segmap.safetensors",
-        false => "one of esm-swift, shape, eigen, or a weights file (*.safetensors)",
+        false => {
+            "one of esm-swift, esm, esm-paper, shape, eigen, esf, gestalt, or a weights file (*.safetensors)"
+        }
     };
     Err(Error::Config { field: "descriptor", value: name.to_owned(), allowed })
 }

@@ -24,6 +24,10 @@ def atomically(file: Path, write: Callable[[Path], None]) -> None:
     part = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
         write(part)
+        # Some writers make files for their owner alone; these are meant to be read.
+        umask = os.umask(0)
+        os.umask(umask)
+        part.chmod(0o666 & ~umask)
         with part.open("rb+") as handle:
             os.fsync(handle.fileno())
         part.rename(file)

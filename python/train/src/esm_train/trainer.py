@@ -169,6 +169,12 @@ class Trainer:
                     f"{self.latest}: was trained with another [{section}]",
                     "resume with the configuration it began with",
                 )
+        for key in ("seed", "precision"):
+            if before["run"][key] != now["run"][key]:
+                raise TrainError(
+                    f"{self.latest}: was trained with run.{key} = {before['run'][key]}, not {now['run'][key]}",
+                    "resume with the configuration it began with",
+                )
         self.model.load_state_dict(state["model"])
         self.step = int(state["step"])
         self.history = list(state["history"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -153,10 +154,29 @@ def read_weights(file: Path) -> Weights:
             f"{file}: format {metadata.get('format')!r} version {metadata.get('format_version')!r}, "
             f"this program reads {FORMAT!r} {VERSION!r}"
         )
+    if metadata.get("architecture") != ARCHITECTURE:
+        raise TrainError(
+            f"{file}: architecture {metadata.get('architecture')!r}, this program knows {ARCHITECTURE!r}",
+            "it belongs to another version of the network, or is a peer's",
+        )
     for name, tensor in tensors.items():
         if tensor.dtype != np.float32 or not np.isfinite(tensor).all():
             raise TrainError(f"{file}: tensor {name}: not finite f32")
+    if "measures.std" in tensors and not (tensors["measures.std"] > 0).all():
+        raise TrainError(f"{file}: tensor measures.std: not all above 0")
+    _temperature(metadata, file)
     return Weights(tensors, metadata)
+
+
+def _temperature(metadata: dict[str, str], file: Path) -> float:
+    text = metadata.get("quality_temperature", "1")
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (0.0 < value < math.inf):
+        raise TrainError(f"{file}: quality_temperature {text!r}: not a number above 0")
+    return value
 
 
 def architecture_of(file: Path) -> str:
@@ -234,7 +254,7 @@ def load_network(file: Path) -> tuple[EsmNet, QualityHead, dict[str, str]]:
             model.size_log_weight.copy_(torch.from_numpy(np.log(t["size.weight"])))
         head.weight.copy_(torch.from_numpy(t["quality.weight"]))
         head.bias.copy_(torch.from_numpy(t["quality.bias"]))
-    head.temperature = float(weights.metadata.get("quality_temperature", "1"))
+    head.temperature = _temperature(weights.metadata, file)
     return model.eval(), head.eval(), weights.metadata
 
 
