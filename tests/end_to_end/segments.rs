@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::common::{esm, folder, names, shared};
+use crate::common::{esm, folder, names, program, shared};
 
 const FILES: [&str; 11] = [
     "above_ground.npy",
@@ -118,4 +120,27 @@ fn inputs_that_make_no_set_are_refused() {
         esm!["segments", street, flag, "other", "-o", dir.path().join("set")].failed(&[flag, "street"]);
     }
     assert!(!dir.path().join("set").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_set_leaves_nothing() {
+    let Some(map) = shared("kitti00/map.mcap") else { return };
+    for signal in ["INT", "TERM"] {
+        let dir = folder();
+        let mut segments = program();
+        segments.arg("segments").arg(&map).args(["--step", "0", "-o"]).arg(dir.path().join("set"));
+        let child = segments.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let begun = Instant::now();
+        while names(dir.path()).is_empty() && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(!names(dir.path()).is_empty(), "the set was never begun");
+        let kill =
+            Command::new("kill").args([&format!("-{signal}"), &child.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(names(dir.path()), [""; 0], "{signal}");
+    }
 }
